@@ -1,0 +1,3 @@
+//! The rayburst command line.
+
+fn main() {}

@@ -1,0 +1,176 @@
+//! Counter-based sample sequences: (seed, pixel, sample, dimension) → number in [0, 1).
+//!
+//! `sobol` pads four-dimensional Sobol' points, each group shuffled and each dimension
+//! Owen-scrambled by hashes (Burley: "Practical Hash-based Owen Scrambling", JCGT 2020; the hash is
+//! Laine and Karras's with Vegdahl's constants). The direction numbers are those of Joe and Kuo (2008).
+
+use glam::Vec2;
+
+use crate::hash;
+
+/// Which sequence a [`Sampler`] follows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SamplerKind {
+    /// Owen-scrambled Sobol' points, padded in groups of four dimensions.
+    #[default]
+    Sobol,
+    /// Independent hashed numbers.
+    Independent,
+}
+
+impl SamplerKind {
+    /// All kinds with the names users type.
+    pub const ALL: [(&'static str, Self); 2] =
+        [("sobol", Self::Sobol), ("independent", Self::Independent)];
+}
+
+/// The sequence of one sample of one pixel: 16 bytes, copied freely, no state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sampler {
+    kind: SamplerKind,
+    /// Hash of seed and pixel.
+    key: u32,
+    sample: u32,
+}
+
+/// Direction numbers of the first four Sobol' dimensions.
+const SOBOL: [[u32; 32]; 4] = [
+    directions(0, 0, [0; 3]),
+    directions(1, 0, [1, 0, 0]),
+    directions(2, 1, [1, 3, 0]),
+    directions(3, 1, [1, 3, 1]),
+];
+
+/// Direction numbers from a primitive polynomial of degree `s` with middle coefficients `a` and the
+/// initial values `m`; `s = 0` is the van der Corput sequence.
+const fn directions(s: usize, a: u32, m: [u32; 3]) -> [u32; 32] {
+    let mut v = [0u32; 32];
+    let mut i = 0;
+    while i < 32 {
+        v[i] = if s == 0 {
+            1 << (31 - i)
+        } else if i < s {
+            m[i] << (31 - i)
+        } else {
+            let mut x = v[i - s] ^ (v[i - s] >> s);
+            let mut k = 1;
+            while k < s {
+                x ^= ((a >> (s - 1 - k)) & 1) * v[i - k];
+                k += 1;
+            }
+            x
+        };
+        i += 1;
+    }
+    v
+}
+
+#[inline]
+fn sobol(index: u32, dimension: usize) -> u32 {
+    if dimension == 0 {
+        return index.reverse_bits();
+    }
+    let table = &SOBOL[dimension];
+    let (mut rest, mut x) = (index, 0);
+    while rest != 0 {
+        x ^= table[rest.trailing_zeros() as usize];
+        rest &= rest - 1;
+    }
+    x
+}
+
+/// Nested uniform (Owen) scrambling of the bits of `x`, highest bit first.
+#[inline]
+fn owen_scramble(x: u32, seed: u32) -> u32 {
+    let mut x = x.reverse_bits();
+    x ^= x.wrapping_mul(0x3d20_adea);
+    x = x.wrapping_add(seed);
+    x = x.wrapping_mul((seed >> 16) | 1);
+    x ^= x.wrapping_mul(0x0552_6c56);
+    x ^= x.wrapping_mul(0x53a2_2864);
+    x.reverse_bits()
+}
+
+impl Sampler {
+    /// The sequence of sample number `sample` of pixel number `pixel`.
+    #[inline]
+    pub fn new(kind: SamplerKind, seed: u32, pixel: u32, sample: u32) -> Self {
+        Self { kind, key: hash::combine(seed, pixel), sample }
+    }
+
+    #[inline]
+    fn bits(&self, dimension: u32) -> u32 {
+        match self.kind {
+            SamplerKind::Independent => {
+                hash::combine(hash::combine(self.key, self.sample), dimension)
+            }
+            SamplerKind::Sobol => {
+                let group = hash::combine(self.key, dimension >> 2);
+                let index = owen_scramble(self.sample, group);
+                let within = dimension & 3;
+                owen_scramble(sobol(index, within as usize), hash::combine(group, within))
+            }
+        }
+    }
+
+    /// The number of one dimension, in [0, 1).
+    #[inline]
+    pub fn get_1d(&self, dimension: u32) -> f32 {
+        hash::to_unit(self.bits(dimension))
+    }
+
+    /// The numbers of dimensions `dimension` and `dimension + 1`; keep `dimension` even so that both
+    /// come from one Sobol' point.
+    #[inline]
+    pub fn get_2d(&self, dimension: u32) -> Vec2 {
+        debug_assert!(dimension.is_multiple_of(2));
+        Vec2::new(self.get_1d(dimension), self.get_1d(dimension + 1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sobol_points_fill_every_elementary_interval() {
+        // A (0, m, 2)-net: each of the 2^m boxes of every aspect ratio holds exactly one point.
+        for pixel in 0..20 {
+            for base in [0, 2, 4, 10] {
+                let points: Vec<Vec2> = (0..64)
+                    .map(|s| Sampler::new(SamplerKind::Sobol, 3, pixel, s).get_2d(base))
+                    .collect();
+                // Dimensions 0 and 1 of a group are a (0,2)-sequence; 2 and 3 are stratified in 1D.
+                for log_x in 0..=6 {
+                    if base % 4 != 0 && log_x != 0 && log_x != 6 {
+                        continue;
+                    }
+                    let (nx, ny) = (1usize << log_x, 1usize << (6 - log_x));
+                    let mut seen = vec![false; 64];
+                    for p in &points {
+                        let cell = (p.y * ny as f32) as usize * nx + (p.x * nx as f32) as usize;
+                        assert!(!seen[cell], "pixel {pixel}, base {base}, {nx}x{ny}");
+                        seen[cell] = true;
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn dimensions_and_pixels_are_uncorrelated() {
+        for kind in [SamplerKind::Sobol, SamplerKind::Independent] {
+            for (a, b) in [(0u32, 4u32), (1, 6), (2, 9), (5, 130)] {
+                let n = 4096;
+                let mut sum = 0.0f64;
+                for i in 0..n {
+                    let s = Sampler::new(kind, 0, 17, i);
+                    sum += f64::from(s.get_1d(a) - 0.5) * f64::from(s.get_1d(b) - 0.5);
+                }
+                // Standard deviation of the mean product of independent numbers: (1/12)/sqrt(n).
+                let z = sum / f64::from(n) * 12.0 * f64::from(n).sqrt();
+                assert!(z.abs() < 4.5, "{kind:?} {a} {b}: {z}");
+            }
+        }
+    }
+}
