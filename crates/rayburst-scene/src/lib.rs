@@ -1,1 +1,24 @@
-//! scene
+//! Scenes: what a picture is made of, from files and from code.
+//!
+//! [`Scene`] holds assets as they were authored: a node hierarchy, meshes, materials, lights,
+//! cameras, animations. One instant of it is flattened to plain data, ready to be traced and shaded.
+#![forbid(unsafe_code)]
+
+pub mod camera;
+pub mod deform;
+pub mod environment;
+pub mod light;
+pub mod material;
+pub mod mesh;
+pub mod pose;
+pub mod scene;
+pub mod texture;
+
+pub use camera::{Camera, Projection};
+pub use environment::Environment;
+pub use light::{Light, LightKind};
+pub use material::{AlphaMode, Material, ShadingModel, TextureSlot};
+pub use mesh::{Mesh, MorphTarget, Primitive, VertexSkin};
+pub use pose::Pose;
+pub use scene::{LocalTransform, Node, Scene, SceneCamera, Skin, View};
+pub use texture::{FilterMode, Texture, WrapMode};

@@ -1,0 +1,412 @@
+//! One instant of a scene as plain data: structures to trace, records to shade.
+//!
+//! Static, unrepeated meshes are baked into one BLAS of many geometries, with the node's transform
+//! applied at build (DXR's per-geometry transform). Meshes that move, deform or repeat get a BLAS
+//! each and are placed by instances.
+
+use std::{collections::HashMap, sync::Arc};
+
+use glam::{Affine3A, Mat3A};
+use rayburst_accel::{Blas, BuildError, BuildOptions, Instance, Tlas, TriangleMesh};
+use rayburst_image::MipMap;
+use rayburst_math::Aabb;
+
+use crate::{
+    AlphaMode, Environment, Light, LightKind, Material, Pose, Primitive, Scene, Texture, deform,
+};
+
+/// A scene at one instant, ready to be traced and shaded.
+#[derive(Clone, Debug)]
+pub struct FlatScene {
+    /// The top-level structure; its instances are `instances`.
+    pub tlas: Tlas,
+    /// One record an instance of the TLAS.
+    pub instances: Vec<FlatInstance>,
+    /// Records of all geometries of all BLASes; an instance's begin at its `first_geometry`.
+    pub geometries: Vec<FlatGeometry>,
+    /// Materials.
+    pub materials: Arc<[Material]>,
+    /// Textures.
+    pub textures: Arc<[Texture]>,
+    /// Images.
+    pub images: Arc<[Arc<MipMap>]>,
+    /// Punctual lights in world space.
+    pub lights: Vec<Light>,
+    /// What rays that leave the scene see.
+    pub environment: Environment,
+    /// World bounds of everything that can be hit.
+    pub bounds: Aabb,
+}
+
+/// What the renderer must know of an instance.
+#[derive(Clone, Copy, Debug)]
+pub struct FlatInstance {
+    /// Index of its BLAS's first geometry in [`FlatScene::geometries`].
+    pub first_geometry: u32,
+    /// Number of its geometries.
+    pub geometry_count: u32,
+    /// The instance transform M.
+    pub object_to_world: Affine3A,
+    /// Inverse transpose of M's linear part.
+    pub normal_to_world: Mat3A,
+    /// Whether M is the identity, as it is for baked geometry.
+    pub is_identity: bool,
+}
+
+/// What the renderer must know of a geometry.
+#[derive(Clone, Debug)]
+pub struct FlatGeometry {
+    /// Vertices and indices, before the transform N.
+    pub primitive: Arc<Primitive>,
+    /// The transform N applied at build.
+    pub transform: Affine3A,
+    /// Inverse transpose of N's linear part.
+    pub normal_transform: Mat3A,
+    /// Whether N mirrors, so that the front is where vertices wind clockwise.
+    pub mirrored: bool,
+    /// Index of the material.
+    pub material: u32,
+    /// Index of the node in the scene; of the first node for repeated meshes.
+    pub node: u32,
+}
+
+/// Why a scene could not be flattened.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum FlattenError {
+    /// A structure could not be built.
+    #[error("cannot build the acceleration structure of mesh '{mesh}': {source}")]
+    Build {
+        /// Name of the mesh, or what stands for all static ones.
+        mesh: String,
+        /// What the builder says.
+        source: BuildError,
+    },
+}
+
+/// Flattens the instants of one scene; structures that do not change are built once.
+#[derive(Debug)]
+pub struct Flattener<'a> {
+    scene: &'a Scene,
+    options: BuildOptions,
+    /// For each node, how its mesh is placed.
+    placement: Vec<Placement>,
+    baked: Option<Built>,
+    /// By mesh and skin or node: rigid meshes are built once.
+    rigid: HashMap<u32, Built>,
+    shared: Shared,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Placement {
+    Nothing,
+    Baked,
+    Rigid,
+    Deforming,
+}
+
+#[derive(Clone, Debug)]
+struct Built {
+    blas: Arc<Blas>,
+    geometries: Vec<FlatGeometry>,
+}
+
+#[derive(Clone, Debug)]
+struct Shared {
+    materials: Arc<[Material]>,
+    textures: Arc<[Texture]>,
+    images: Arc<[Arc<MipMap>]>,
+}
+
+impl<'a> Flattener<'a> {
+    /// Prepares a scene.
+    pub fn new(scene: &'a Scene, options: BuildOptions) -> Self {
+        let moving = moving_nodes(scene);
+        let mut uses = vec![0u32; scene.meshes.len()];
+        for node in &scene.nodes {
+            if let Some(mesh) = node.mesh {
+                uses[mesh as usize] += node.instances.len().max(1) as u32;
+            }
+        }
+        let placement = scene
+            .nodes
+            .iter()
+            .zip(&moving)
+            .map(|(node, &moves)| match node.mesh {
+                None => Placement::Nothing,
+                Some(mesh) if deforms(scene, node, mesh) => Placement::Deforming,
+                Some(mesh) if moves || uses[mesh as usize] > 1 => Placement::Rigid,
+                Some(_) => Placement::Baked,
+            })
+            .collect();
+        let shared = Shared {
+            materials: scene.materials.as_slice().into(),
+            textures: scene.textures.as_slice().into(),
+            images: scene.images.as_slice().into(),
+        };
+        Self { scene, options, placement, baked: None, rigid: HashMap::new(), shared }
+    }
+
+    /// The scene in one pose.
+    pub fn at(&mut self, pose: &Pose) -> Result<FlatScene, FlattenError> {
+        let mut flat = Parts::default();
+        self.place_baked(pose, &mut flat)?;
+        for node in 0..self.scene.nodes.len() {
+            match self.placement[node] {
+                Placement::Rigid => self.place_rigid(node, pose, &mut flat)?,
+                Placement::Deforming => self.place_deforming(node, pose, &mut flat)?,
+                Placement::Nothing | Placement::Baked => {}
+            }
+        }
+        let tlas = Tlas::build(flat.blases, &flat.tlas_instances, &self.options)
+            .map_err(|source| FlattenError::Build { mesh: "(all instances)".into(), source })?;
+        let bounds = tlas.bounds();
+        Ok(FlatScene {
+            tlas,
+            instances: flat.instances,
+            geometries: flat.geometries,
+            materials: self.shared.materials.clone(),
+            textures: self.shared.textures.clone(),
+            images: self.shared.images.clone(),
+            lights: place_lights(self.scene, pose),
+            environment: self.scene.environment.clone().unwrap_or_default(),
+            bounds,
+        })
+    }
+
+    fn place_baked(&mut self, pose: &Pose, flat: &mut Parts) -> Result<(), FlattenError> {
+        if self.baked.is_none() {
+            let mut geometries = Vec::new();
+            for (index, node) in self.scene.nodes.iter().enumerate() {
+                let (Placement::Baked, Some(mesh)) = (self.placement[index], node.mesh) else {
+                    continue;
+                };
+                let mut transform = pose.world[index];
+                if let [only] = node.instances[..] {
+                    transform = transform * only;
+                }
+                let primitives = &self.scene.meshes[mesh as usize].primitives;
+                geometries
+                    .extend(primitives.iter().map(|p| geometry(p.clone(), transform, index)));
+            }
+            if !geometries.is_empty() {
+                self.baked = Some(self.build("(static geometry)", geometries)?);
+            }
+        }
+        if let Some(built) = &self.baked {
+            flat.place(built, [Affine3A::IDENTITY]);
+        }
+        Ok(())
+    }
+
+    fn place_rigid(
+        &mut self,
+        index: usize,
+        pose: &Pose,
+        flat: &mut Parts,
+    ) -> Result<(), FlattenError> {
+        let node = &self.scene.nodes[index];
+        let Some(mesh) = node.mesh else { return Ok(()) };
+        if !self.rigid.contains_key(&mesh) {
+            let source = &self.scene.meshes[mesh as usize];
+            let geometries = source
+                .primitives
+                .iter()
+                .map(|p| geometry(p.clone(), Affine3A::IDENTITY, index))
+                .collect();
+            let built = self.build(&source.name, geometries)?;
+            self.rigid.insert(mesh, built);
+        }
+        flat.place_shared(mesh, &self.rigid[&mesh], instance_transforms(self.scene, index, pose));
+        Ok(())
+    }
+
+    fn place_deforming(
+        &self,
+        index: usize,
+        pose: &Pose,
+        flat: &mut Parts,
+    ) -> Result<(), FlattenError> {
+        let node = &self.scene.nodes[index];
+        let Some(mesh) = node.mesh else { return Ok(()) };
+        let source = &self.scene.meshes[mesh as usize];
+        let joints = node.skin.map(|s| pose.joint_matrices(self.scene, s));
+        let geometries = source
+            .primitives
+            .iter()
+            .map(|p| {
+                let bent = deform::deform(p, &pose.weights[index], joints.as_deref());
+                geometry(Arc::new(bent), Affine3A::IDENTITY, index)
+            })
+            .collect();
+        let built = self.build(&source.name, geometries)?;
+        // Joint matrices lead to world space: a skinned mesh ignores its node's transform
+        // (glTF 2.0, section 3.7.3.3).
+        if node.skin.is_some() {
+            flat.place(&built, [Affine3A::IDENTITY]);
+        } else {
+            flat.place(&built, instance_transforms(self.scene, index, pose));
+        }
+        Ok(())
+    }
+
+    fn build(&self, mesh: &str, geometries: Vec<FlatGeometry>) -> Result<Built, FlattenError> {
+        let meshes: Vec<TriangleMesh<'_>> = geometries
+            .iter()
+            .map(|g| TriangleMesh {
+                positions: &g.primitive.positions,
+                indices: &g.primitive.indices,
+                transform: (g.transform != Affine3A::IDENTITY).then_some(g.transform),
+                opaque: is_opaque(self.scene, &g.primitive),
+            })
+            .collect();
+        let blas = Blas::build(&meshes, &self.options)
+            .map_err(|source| FlattenError::Build { mesh: mesh.to_owned(), source })?;
+        Ok(Built { blas: Arc::new(blas), geometries })
+    }
+}
+
+/// What is gathered for the TLAS.
+#[derive(Default)]
+struct Parts {
+    blases: Vec<Arc<Blas>>,
+    tlas_instances: Vec<Instance>,
+    instances: Vec<FlatInstance>,
+    geometries: Vec<FlatGeometry>,
+    /// BLAS index and first geometry of meshes that several nodes place.
+    placed: HashMap<u32, (u32, u32)>,
+}
+
+impl Parts {
+    fn add(&mut self, built: &Built) -> (u32, u32) {
+        let first_geometry = self.geometries.len() as u32;
+        self.geometries.extend(built.geometries.iter().cloned());
+        self.blases.push(built.blas.clone());
+        (self.blases.len() as u32 - 1, first_geometry)
+    }
+
+    fn place(&mut self, built: &Built, transforms: impl IntoIterator<Item = Affine3A>) {
+        let at = self.add(built);
+        self.instantiate(at, built, transforms);
+    }
+
+    fn place_shared(
+        &mut self,
+        mesh: u32,
+        built: &Built,
+        transforms: impl IntoIterator<Item = Affine3A>,
+    ) {
+        let at = match self.placed.get(&mesh) {
+            Some(&at) => at,
+            None => {
+                let at = self.add(built);
+                self.placed.insert(mesh, at);
+                at
+            }
+        };
+        self.instantiate(at, built, transforms);
+    }
+
+    fn instantiate(
+        &mut self,
+        (blas, first_geometry): (u32, u32),
+        built: &Built,
+        transforms: impl IntoIterator<Item = Affine3A>,
+    ) {
+        for transform in transforms {
+            let normal_to_world = transform.matrix3.inverse().transpose();
+            // A flattened or broken transform leaves nothing to see (scale 0 hides a node).
+            if !transform.is_finite() || !normal_to_world.is_finite() {
+                continue;
+            }
+            self.tlas_instances.push(Instance { blas, transform, ..Instance::default() });
+            self.instances.push(FlatInstance {
+                first_geometry,
+                geometry_count: built.geometries.len() as u32,
+                object_to_world: transform,
+                normal_to_world,
+                is_identity: transform == Affine3A::IDENTITY,
+            });
+        }
+    }
+}
+
+fn geometry(primitive: Arc<Primitive>, transform: Affine3A, node: usize) -> FlatGeometry {
+    let determinant = transform.matrix3.determinant();
+    let normal_transform =
+        if determinant == 0.0 { Mat3A::IDENTITY } else { transform.matrix3.inverse().transpose() };
+    FlatGeometry {
+        material: primitive.material,
+        primitive,
+        transform,
+        normal_transform,
+        mirrored: determinant < 0.0,
+        node: node as u32,
+    }
+}
+
+fn instance_transforms<'s>(
+    scene: &'s Scene,
+    node: usize,
+    pose: &Pose,
+) -> impl Iterator<Item = Affine3A> + use<'s> {
+    let world = pose.world[node];
+    let own = &scene.nodes[node].instances;
+    let once = own.is_empty().then_some(world);
+    once.into_iter().chain(own.iter().map(move |i| world * *i))
+}
+
+fn deforms(scene: &Scene, node: &crate::Node, mesh: u32) -> bool {
+    node.skin.is_some()
+        || scene.meshes[mesh as usize].primitives.iter().any(|p| !p.targets.is_empty())
+}
+
+/// Whether every point of the primitive stops every ray.
+fn is_opaque(scene: &Scene, primitive: &Primitive) -> bool {
+    let Some(material) = scene.materials.get(primitive.material as usize) else { return true };
+    let has_texture = material.base_color_texture.index().is_some()
+        || material.alpha_texture.index().is_some();
+    match material.alpha_mode() {
+        AlphaMode::Opaque => true,
+        AlphaMode::Mask | AlphaMode::Blend => {
+            !has_texture && primitive.colors.is_none() && material.base_color[3] >= 1.0
+        }
+    }
+}
+
+/// Nodes that some animation moves, directly or through an ancestor.
+fn moving_nodes(scene: &Scene) -> Vec<bool> {
+    let mut moving = vec![false; scene.nodes.len()];
+    for channel in scene.animations.iter().flat_map(|a| &a.channels) {
+        moving[channel.node as usize] = true;
+    }
+    for (index, node) in scene.nodes.iter().enumerate() {
+        if let Some(parent) = node.parent {
+            moving[index] |= moving[parent as usize];
+        }
+    }
+    moving
+}
+
+/// All punctual lights in world space.
+fn place_lights(scene: &Scene, pose: &Pose) -> Vec<Light> {
+    let mut lights = scene.world_lights.clone();
+    for (node, world) in scene.nodes.iter().zip(&pose.world) {
+        let Some(light) = node.light else { continue };
+        let Light { intensity, kind } = scene.lights[light as usize];
+        let at = glam::Vec3::from(world.translation);
+        let along = world.transform_vector3(-glam::Vec3::Z).try_normalize();
+        let Some(along) = along else { continue };
+        let kind = match kind {
+            LightKind::Point { .. } => LightKind::Point { position: at },
+            LightKind::Spot { cos_inner, cos_outer, .. } => {
+                LightKind::Spot { position: at, direction: along, cos_inner, cos_outer }
+            }
+            LightKind::Directional { angular_radius, .. } => {
+                LightKind::Directional { direction: along, angular_radius }
+            }
+        };
+        lights.push(Light { intensity, kind });
+    }
+    lights
+}
