@@ -1,1 +1,34 @@
-//! accel
+//! Acceleration structures: which triangles does a ray meet?
+//!
+//! A [`Blas`] holds the triangles of many geometries; a [`Tlas`] holds instances of BLASes under 3×4
+//! transforms. Both answer *closest hit*, *any hit* and *all hits*, for one ray or for a batch:
+//! batches are the normal case, plain slices without an allocation per ray, run on the calling
+//! thread. This crate knows no material: alpha comes in as a [`CandidateFilter`].
+//!
+//! What holds for every structure, instruction set and mode:
+//! - Hits have `t_min ≤ t ≤ t_max`; `t` is in units of the ray's direction, through instances too.
+//!   Invalid rays ([`rayburst_math::Ray::is_valid`]) are misses.
+//! - The triangle test is watertight and the box test conservative: no ray leaves a closed mesh
+//!   through an edge or a vertex.
+//! - Of hits at equal `t` the smallest `(instance, geometry, primitive)` wins.
+//! - `any_hit` is `closest_hit(..).is_hit()`, and a batch gives the bits of its rays one by one.
+//! - Triangles with a coordinate that is not finite or beyond [`MAX_COORDINATE`], and triangles of
+//!   zero area, are never hit.
+
+mod blas;
+mod error;
+mod geometry;
+mod options;
+mod query;
+mod structure;
+mod tlas;
+mod validate;
+
+pub use blas::Blas;
+pub use error::BuildError;
+pub use geometry::{Instance, InstanceFlags, MAX_COORDINATE, TriangleMesh};
+pub use options::{BuildOptions, BuildQuality, BuildStats};
+pub use query::{AcceptAll, AllHits, CandidateFilter, Counters, Cull, FilterFn, TraceOptions};
+pub use rayburst_simd::IsaLevel;
+pub use tlas::Tlas;
+pub use validate::{BvhDefect, ValidationReport};

@@ -1,1 +1,20 @@
-//! simd
+//! Instruction sets as values: tokens that prove a CPU can run an instruction set, run-time dispatch
+//! on them, and the vector operations at the leaves of the ray tracing kernels.
+//!
+//! A [`Kernel`] is written once, generic over [`Isa`]. [`IsaLevel::dispatch`] enters the
+//! instruction set's feature region once per batch; inside it the kernel calls the leaf operations
+//! of the token, which take and return plain arrays. Every operation of every instruction set gives
+//! the bits of [`Scalar`], unless its documentation says otherwise.
+
+mod isa;
+mod level;
+mod scalar;
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+
+#[cfg(target_arch = "x86_64")]
+pub use avx2::Avx2;
+pub use isa::{Isa, Kernel};
+pub use level::{ISA_VARIABLE, IsaError, IsaLevel};
+pub use scalar::Scalar;

@@ -1,0 +1,57 @@
+//! Why a structure could not be built.
+
+use rayburst_simd::IsaError;
+use thiserror::Error;
+
+/// Input from which no structure can be built. Positions that are not finite and degenerate
+/// triangles are no errors: such triangles are never hit.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum BuildError {
+    /// A triangle refers to a vertex that does not exist.
+    #[error(
+        "triangle {primitive} of geometry {geometry} refers to vertex {index}, but the geometry has \
+         {vertices} vertices; fix its indices"
+    )]
+    IndexOutOfRange {
+        /// Which geometry.
+        geometry: u32,
+        /// Which triangle of it.
+        primitive: u32,
+        /// The index in it.
+        index: u32,
+        /// How many vertices the geometry has.
+        vertices: usize,
+    },
+    /// More primitives than references can count.
+    #[error("{count} {what}, but one structure holds at most {limit}; split them over several")]
+    TooMany {
+        /// What there is too much of.
+        what: &'static str,
+        /// How many there are.
+        count: usize,
+        /// How many there may be.
+        limit: usize,
+    },
+    /// An instance names a BLAS that was not given.
+    #[error("instance {instance} refers to BLAS {blas}, but {blases} were given")]
+    NoSuchBlas {
+        /// Which instance.
+        instance: u32,
+        /// The BLAS it names.
+        blas: u32,
+        /// How many there are.
+        blases: usize,
+    },
+    /// Memory ran out.
+    #[error("not enough memory for {what}: {bytes} bytes; use a smaller scene or instances")]
+    OutOfMemory {
+        /// What the memory was for.
+        what: &'static str,
+        /// How much was asked for.
+        bytes: usize,
+    },
+    /// `RAYBURST_ISA` names no instruction set of this CPU.
+    #[error(transparent)]
+    Isa(#[from] IsaError),
+}

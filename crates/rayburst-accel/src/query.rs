@@ -1,0 +1,108 @@
+//! What a query takes besides rays, and what it gives besides hits.
+
+use bytemuck::{Pod, Zeroable};
+use rayburst_math::{Hit, Ray};
+
+/// Which triangles are skipped by the side they show to the ray's origin.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Cull {
+    /// None.
+    #[default]
+    None,
+    /// Those seen from the front.
+    Front,
+    /// Those seen from the back.
+    Back,
+}
+
+/// Options of a query, the same for all rays of a batch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TraceOptions {
+    /// Instances whose mask shares no bit with this one are skipped.
+    pub mask: u8,
+    /// Which faces are skipped.
+    pub cull: Cull,
+}
+
+impl Default for TraceOptions {
+    fn default() -> Self {
+        Self { mask: 0xFF, cull: Cull::None }
+    }
+}
+
+/// Decides in the middle of a traversal whether a ray stops at a candidate (alpha).
+///
+/// Called only for geometry that is not opaque. The order of calls is unspecified, so an answer must
+/// depend on the arguments alone; any closure `Fn(u32, &Ray, &Hit) -> bool` is a filter in
+/// [`FilterFn`].
+pub trait CandidateFilter: Sync {
+    /// Whether the filter is ever asked; if not, the kernels hold no trace of it.
+    const ACTIVE: bool = true;
+
+    /// Whether the candidate counts as a hit. `ray_index` is the ray's index in its batch, `ray` the
+    /// ray as given (in world space).
+    fn accept(&self, ray_index: u32, ray: &Ray, candidate: &Hit) -> bool;
+}
+
+/// The filter that lets everything stop rays, at no cost.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct AcceptAll;
+
+impl CandidateFilter for AcceptAll {
+    const ACTIVE: bool = false;
+
+    #[inline(always)]
+    fn accept(&self, _: u32, _: &Ray, _: &Hit) -> bool {
+        true
+    }
+}
+
+/// A closure as a filter.
+#[derive(Clone, Copy, Debug)]
+pub struct FilterFn<F>(pub F);
+
+impl<F: Fn(u32, &Ray, &Hit) -> bool + Sync> CandidateFilter for FilterFn<F> {
+    #[inline]
+    fn accept(&self, ray_index: u32, ray: &Ray, candidate: &Hit) -> bool {
+        (self.0)(ray_index, ray, candidate)
+    }
+}
+
+impl<T: CandidateFilter> CandidateFilter for &T {
+    const ACTIVE: bool = T::ACTIVE;
+
+    #[inline]
+    fn accept(&self, ray_index: u32, ray: &Ray, candidate: &Hit) -> bool {
+        (**self).accept(ray_index, ray, candidate)
+    }
+}
+
+/// What a ray visited.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Counters {
+    /// Inner nodes, of the TLAS and of BLASes.
+    pub nodes: u32,
+    /// Leaves of BLASes.
+    pub leaves: u32,
+    /// Triangles tested.
+    pub triangles: u32,
+    /// Instances entered.
+    pub instances: u32,
+}
+
+/// All hits of a batch: those of ray `i` are `hits[offsets[i]..offsets[i + 1]]`, nearest first.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct AllHits {
+    /// Where each ray's hits start, and the end of the last one's.
+    pub offsets: Vec<usize>,
+    /// The hits.
+    pub hits: Vec<Hit>,
+}
+
+impl AllHits {
+    /// The hits of a ray.
+    pub fn of(&self, ray: usize) -> &[Hit] {
+        &self.hits[self.offsets[ray]..self.offsets[ray + 1]]
+    }
+}
