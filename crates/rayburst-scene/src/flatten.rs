@@ -8,7 +8,6 @@ use std::{collections::HashMap, sync::Arc};
 
 use glam::{Affine3A, Mat3A};
 use rayburst_accel::{Blas, BuildError, BuildOptions, Instance, Tlas, TriangleMesh};
-use rayburst_image::MipMap;
 use rayburst_math::Aabb;
 
 use crate::{
@@ -28,8 +27,6 @@ pub struct FlatScene {
     pub materials: Arc<[Material]>,
     /// Textures.
     pub textures: Arc<[Texture]>,
-    /// Images.
-    pub images: Arc<[Arc<MipMap>]>,
     /// Punctual lights in world space.
     pub lights: Vec<Light>,
     /// What rays that leave the scene see.
@@ -115,7 +112,6 @@ struct Built {
 struct Shared {
     materials: Arc<[Material]>,
     textures: Arc<[Texture]>,
-    images: Arc<[Arc<MipMap>]>,
 }
 
 impl<'a> Flattener<'a> {
@@ -142,7 +138,6 @@ impl<'a> Flattener<'a> {
         let shared = Shared {
             materials: scene.materials.as_slice().into(),
             textures: scene.textures.as_slice().into(),
-            images: scene.images.as_slice().into(),
         };
         Self { scene, options, placement, baked: None, rigid: HashMap::new(), shared }
     }
@@ -167,7 +162,6 @@ impl<'a> Flattener<'a> {
             geometries: flat.geometries,
             materials: self.shared.materials.clone(),
             textures: self.shared.textures.clone(),
-            images: self.shared.images.clone(),
             lights: place_lights(self.scene, pose),
             environment: self.scene.environment.clone().unwrap_or_default(),
             bounds,
@@ -183,11 +177,10 @@ impl<'a> Flattener<'a> {
                 };
                 let mut transform = pose.world[index];
                 if let [only] = node.instances[..] {
-                    transform = transform * only;
+                    transform *= only;
                 }
                 let primitives = &self.scene.meshes[mesh as usize].primitives;
-                geometries
-                    .extend(primitives.iter().map(|p| geometry(p.clone(), transform, index)));
+                geometries.extend(primitives.iter().map(|p| geometry(p.clone(), transform, index)));
             }
             if !geometries.is_empty() {
                 self.baked = Some(self.build("(static geometry)", geometries)?);
@@ -319,7 +312,7 @@ impl Parts {
             if !transform.is_finite() || !normal_to_world.is_finite() {
                 continue;
             }
-            self.tlas_instances.push(Instance { blas, transform, ..Instance::default() });
+            self.tlas_instances.push(Instance::new(blas, transform));
             self.instances.push(FlatInstance {
                 first_geometry,
                 geometry_count: built.geometries.len() as u32,
@@ -364,8 +357,8 @@ fn deforms(scene: &Scene, node: &crate::Node, mesh: u32) -> bool {
 /// Whether every point of the primitive stops every ray.
 fn is_opaque(scene: &Scene, primitive: &Primitive) -> bool {
     let Some(material) = scene.materials.get(primitive.material as usize) else { return true };
-    let has_texture = material.base_color_texture.index().is_some()
-        || material.alpha_texture.index().is_some();
+    let has_texture =
+        material.base_color_texture.index().is_some() || material.alpha_texture.index().is_some();
     match material.alpha_mode() {
         AlphaMode::Opaque => true,
         AlphaMode::Mask | AlphaMode::Blend => {
@@ -409,4 +402,91 @@ fn place_lights(scene: &Scene, pose: &Pose) -> Vec<Light> {
         lights.push(Light { intensity, kind });
     }
     lights
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{Vec2, Vec3};
+    use rayburst_accel::{AcceptAll, TraceOptions};
+    use rayburst_math::Ray;
+
+    use super::*;
+    use crate::{LocalTransform, Material};
+
+    /// A triangle in the plane z = 0 whose front faces +z.
+    fn triangle() -> Primitive {
+        Primitive {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            indices: vec![[0, 1, 2]],
+            normals: Some(vec![Vec3::Z; 3]),
+            uvs: vec![vec![Vec2::ZERO, Vec2::X, Vec2::Y]],
+            ..Primitive::default()
+        }
+    }
+
+    fn scene(transforms: &[Affine3A], shared: bool) -> Scene {
+        let mut scene = Scene::default();
+        scene.add_material("white", Material::diffuse(Vec3::ONE));
+        for transform in transforms {
+            let node = scene.add_mesh("triangle", vec![triangle()]) as usize;
+            scene.nodes[node].local = LocalTransform::Matrix(*transform);
+            if shared {
+                scene.nodes[node].mesh = Some(0);
+            }
+        }
+        scene
+    }
+
+    #[test]
+    fn baked_and_instanced_surfaces_agree_under_any_transform() {
+        let transforms = [
+            Affine3A::from_translation(Vec3::new(-3.0, 0.0, 0.0)),
+            Affine3A::from_scale(Vec3::new(-2.0, 1.0, 3.0)),
+            Affine3A {
+                matrix3: Mat3A::from_cols_array(&[1.0, 0.2, 0.5, 0.3, 1.0, 0.0, 0.0, 0.1, -1.0]),
+                translation: glam::Vec3A::new(4.0, 0.0, 1.0),
+            },
+        ];
+        let options = TraceOptions::default();
+        let (baked, instanced) = (scene(&transforms, false), scene(&transforms, true));
+        let flats = [&baked, &instanced].map(|s| {
+            Flattener::new(s, BuildOptions::default()).at(&Pose::rest(s)).expect("builds")
+        });
+        assert_eq!(flats.each_ref().map(|f| f.instances.len()), [1, 3]);
+        for transform in &transforms {
+            let target = transform.transform_point3(Vec3::new(0.25, 0.25, 0.0));
+            let ray = Ray::new(target + Vec3::new(0.3, 0.2, 5.0), Vec3::new(-0.3, -0.2, -5.0));
+            let surfaces = flats.each_ref().map(|flat| {
+                let hit = flat.tlas.closest_hit(&ray, &options, &AcceptAll);
+                assert!(hit.is_hit());
+                (flat.surface(&hit), flat.uv_at(&hit, 0))
+            });
+            let expected = (transform.matrix3.inverse().transpose() * Vec3::Z).normalize();
+            for (surface, uv) in surfaces {
+                assert!((surface.position - target).length() < 1e-5);
+                assert!((surface.geometric_normal - expected).length() < 1e-5, "{surface:?}");
+                assert!((surface.shading_normal - expected).length() < 1e-5);
+                assert_eq!(surface.front, surface.geometric_normal.dot(ray.direction) < 0.0);
+                assert!((uv - Vec2::splat(0.25)).length() < 1e-5);
+                assert_eq!(surface.uv[0], uv);
+                let area = transform
+                    .transform_vector3(Vec3::X)
+                    .cross(transform.transform_vector3(Vec3::Y))
+                    .length();
+                assert!((surface.uv_density[0] * area - 1.0).abs() < 1e-4);
+            }
+            assert_eq!(surfaces[0].0.front, surfaces[1].0.front);
+        }
+    }
+
+    #[test]
+    fn hidden_and_empty_nodes_leave_nothing() {
+        let scene = scene(&[Affine3A::from_scale(Vec3::ZERO); 2], true);
+        let flat = Flattener::new(&scene, BuildOptions::default())
+            .at(&Pose::rest(&scene))
+            .expect("builds");
+        assert!(flat.instances.is_empty());
+        let ray = Ray::new(Vec3::Z, -Vec3::Z);
+        assert!(!flat.tlas.any_hit(&ray, &TraceOptions::default(), &AcceptAll));
+    }
 }

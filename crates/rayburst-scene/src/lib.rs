@@ -7,18 +7,22 @@
 pub mod camera;
 pub mod deform;
 pub mod environment;
+pub mod flatten;
 pub mod light;
 pub mod material;
 pub mod mesh;
 pub mod pose;
 pub mod scene;
+pub mod surface;
 pub mod texture;
 
 pub use camera::{Camera, Projection};
 pub use environment::Environment;
+pub use flatten::{FlatGeometry, FlatInstance, FlatScene, FlattenError, Flattener};
 pub use light::{Light, LightKind};
 pub use material::{AlphaMode, Material, ShadingModel, TextureSlot};
 pub use mesh::{Mesh, MorphTarget, Primitive, VertexSkin};
 pub use pose::Pose;
 pub use scene::{LocalTransform, Node, Scene, SceneCamera, Skin, View};
+pub use surface::Surface;
 pub use texture::{FilterMode, Texture, WrapMode};

@@ -135,10 +135,7 @@ impl FlatScene {
                 + weights.y * tangents[corner[1]]
                 + weights.z * tangents[corner[2]];
             let sign = if geometry.mirrored { -1.0 } else { 1.0 };
-            geometry
-                .transform
-                .transform_vector3(t.truncate())
-                .extend(tangents[corner[0]].w * sign)
+            geometry.transform.transform_vector3(t.truncate()).extend(tangents[corner[0]].w * sign)
         });
 
         if !instance.is_identity {
