@@ -8,6 +8,7 @@ pub mod camera;
 pub mod deform;
 pub mod environment;
 pub mod flatten;
+pub mod import;
 pub mod light;
 pub mod material;
 pub mod mesh;
