@@ -1,0 +1,137 @@
+//! Mip pyramids of 8-bit textures, and of environment maps.
+//!
+//! Each level halves the one above, rounding down, by an area-weighted box: a texel averages
+//! exactly the area it covers, so that sizes that are no powers of two neither shift nor lose
+//! edges. Averages are taken of linear values; colour of sRGB textures with alpha is weighted by
+//! alpha, so that what lies hidden under transparent texels does not bleed out.
+
+mod downsample;
+mod environment;
+
+pub use environment::RgbPyramid;
+
+use crate::colour::{linear_table, srgb_table};
+use crate::texture::Texels;
+
+/// What the bytes of a texture's colour channels mean. Alpha is always linear.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum TexelFormat {
+    /// sRGB-encoded colour: base colour, emission.
+    Srgb,
+    /// Numbers from 0 to 1: normals, roughness, occlusion.
+    Linear,
+}
+
+/// One level of a pyramid.
+#[derive(Clone, Debug)]
+pub struct MipLevel {
+    /// Texels in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    data: Box<[u8]>,
+}
+
+/// A texture with all its levels, in as many bytes a texel as it has channels.
+#[derive(Clone, Debug)]
+pub struct MipMap {
+    levels: Vec<MipLevel>,
+    channels: usize,
+    format: TexelFormat,
+    decode: &'static [f32; 256],
+}
+
+impl MipMap {
+    /// Builds all levels down to one texel.
+    pub fn new(texels: Texels, format: TexelFormat) -> Self {
+        let channels = usize::from(texels.channels);
+        let (decode, encode) = match format {
+            TexelFormat::Srgb => (srgb_table(), downsample::srgb_encoder()),
+            TexelFormat::Linear => (linear_table(), downsample::linear_encoder()),
+        };
+        let codec = downsample::Codec {
+            channels,
+            has_alpha: channels == 2 || channels == 4,
+            weighted: format == TexelFormat::Srgb,
+            decode,
+            encode,
+        };
+        let mut levels = vec![];
+        let mut last = codec.decode(&texels);
+        levels.push(MipLevel {
+            width: texels.width,
+            height: texels.height,
+            data: texels.data.into_boxed_slice(),
+        });
+        while last.width > 1 || last.height > 1 {
+            last = last.half();
+            let data = codec.encode(&last);
+            levels.push(MipLevel { width: last.width, height: last.height, data });
+        }
+        Self { levels, channels, format, decode }
+    }
+
+    /// The levels, the finest first; there is always one.
+    pub fn levels(&self) -> &[MipLevel] {
+        &self.levels
+    }
+
+    /// Width of the finest level.
+    pub fn width(&self) -> u32 {
+        self.levels[0].width
+    }
+
+    /// Height of the finest level.
+    pub fn height(&self) -> u32 {
+        self.levels[0].height
+    }
+
+    /// Bytes a texel: 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha.
+    pub fn channels(&self) -> usize {
+        self.channels
+    }
+
+    /// What the bytes mean.
+    pub fn format(&self) -> TexelFormat {
+        self.format
+    }
+
+    /// Bytes of all levels.
+    pub fn bytes(&self) -> usize {
+        self.levels.iter().map(|l| l.data.len()).sum()
+    }
+
+    /// A texel as linear red, green, blue and alpha; grey is repeated, missing alpha is 1.
+    ///
+    /// Panics when `level`, `x` or `y` is out of range.
+    #[inline]
+    pub fn texel(&self, level: usize, x: u32, y: u32) -> [f32; 4] {
+        let level = &self.levels[level];
+        debug_assert!(x < level.width && y < level.height);
+        let at = (y as usize * level.width as usize + x as usize) * self.channels;
+        let colour = |byte: u8| self.decode[usize::from(byte)];
+        let alpha = |byte: u8| f32::from(byte) * (1.0 / 255.0);
+        let texel = &level.data[at..at + self.channels];
+        match *texel {
+            [r, g, b, a] => [colour(r), colour(g), colour(b), alpha(a)],
+            [r, g, b] => [colour(r), colour(g), colour(b), 1.0],
+            [y, a] => [colour(y), colour(y), colour(y), alpha(a)],
+            [y] => [colour(y), colour(y), colour(y), 1.0],
+            _ => [0.0, 0.0, 0.0, 1.0],
+        }
+    }
+
+    /// A texel's alpha alone, from 0 to 1.
+    #[inline]
+    pub fn alpha(&self, level: usize, x: u32, y: u32) -> f32 {
+        if self.channels % 2 == 1 {
+            return 1.0;
+        }
+        let level = &self.levels[level];
+        let at = (y as usize * level.width as usize + x as usize + 1) * self.channels - 1;
+        f32::from(level.data[at]) * (1.0 / 255.0)
+    }
+}
+
+#[cfg(test)]
+mod tests;
