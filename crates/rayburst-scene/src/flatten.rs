@@ -8,6 +8,7 @@ use std::{collections::HashMap, sync::Arc};
 
 use glam::{Affine3A, Mat3A};
 use rayburst_accel::{Blas, BuildError, BuildOptions, Instance, Tlas, TriangleMesh};
+use rayburst_image::MipMap;
 use rayburst_math::Aabb;
 
 use crate::{
@@ -27,6 +28,8 @@ pub struct FlatScene {
     pub materials: Arc<[Material]>,
     /// Textures.
     pub textures: Arc<[Texture]>,
+    /// Images.
+    pub images: Arc<[Arc<MipMap>]>,
     /// Punctual lights in world space.
     pub lights: Vec<Light>,
     /// What rays that leave the scene see.
@@ -112,6 +115,7 @@ struct Built {
 struct Shared {
     materials: Arc<[Material]>,
     textures: Arc<[Texture]>,
+    images: Arc<[Arc<MipMap>]>,
 }
 
 impl<'a> Flattener<'a> {
@@ -138,6 +142,7 @@ impl<'a> Flattener<'a> {
         let shared = Shared {
             materials: scene.materials.as_slice().into(),
             textures: scene.textures.as_slice().into(),
+            images: scene.images.as_slice().into(),
         };
         Self { scene, options, placement, baked: None, rigid: HashMap::new(), shared }
     }
@@ -162,6 +167,7 @@ impl<'a> Flattener<'a> {
             geometries: flat.geometries,
             materials: self.shared.materials.clone(),
             textures: self.shared.textures.clone(),
+            images: self.shared.images.clone(),
             lights: place_lights(self.scene, pose),
             environment: self.scene.environment.clone().unwrap_or_default(),
             bounds,

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use glam::{Affine3A, Mat4, Quat, Vec3};
+use rayburst_image::MipMap;
 
 use crate::{Camera, Environment, Light, Material, Mesh, Projection, Texture, pose::Animation};
 
@@ -25,6 +26,8 @@ pub struct Scene {
     pub material_names: Vec<String>,
     /// Textures.
     pub textures: Vec<Texture>,
+    /// Images with their mip levels.
+    pub images: Vec<Arc<MipMap>>,
     /// Cameras placed by nodes.
     pub cameras: Vec<SceneCamera>,
     /// Lights placed by nodes, with position and direction in node space (origin, −z).
