@@ -1,0 +1,72 @@
+//! Integrators: what a batch of eye rays brings back. One file each.
+//!
+//! All of them work on queues: plain slices of rays go to the structure in one call, the hits are
+//! shaded one after the other, and what goes on becomes the next queue.
+
+mod inspect;
+mod queue;
+
+use crate::{
+    Display,
+    batch::{Batch, Context},
+};
+
+pub use inspect::View;
+use queue::Queues;
+
+/// What a pixel shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum IntegratorKind {
+    /// A property of the first hit.
+    Inspect(View),
+}
+
+impl IntegratorKind {
+    /// All of them with the names that users type.
+    pub const ALL: [(&'static str, Self); 8] = [
+        ("albedo", Self::Inspect(View::Albedo)),
+        ("normal", Self::Inspect(View::Normal)),
+        ("geometric_normal", Self::Inspect(View::GeometricNormal)),
+        ("depth", Self::Inspect(View::Depth)),
+        ("uv", Self::Inspect(View::Uv)),
+        ("instance", Self::Inspect(View::Instance)),
+        ("material", Self::Inspect(View::Material)),
+        ("nodes_visited", Self::Inspect(View::NodesVisited)),
+    ];
+
+    /// The name that users type.
+    pub fn name(self) -> &'static str {
+        Self::ALL.iter().find(|(_, kind)| *kind == self).map_or("", |(name, _)| name)
+    }
+
+    /// What its numbers mean to a screen.
+    pub fn display(self) -> Display {
+        match self {
+            Self::Inspect(view) => view.display(),
+        }
+    }
+}
+
+/// The queues of all integrators; allocated once a worker.
+#[derive(Debug, Default)]
+pub(crate) struct Scratch {
+    queues: Queues,
+    inspect: inspect::Counts,
+}
+
+impl Scratch {
+    /// Finds the radiance, and if asked for the features, of each slot of the batch.
+    pub(crate) fn integrate(&mut self, context: &Context<'_>, batch: &mut Batch) {
+        match context.settings.integrator {
+            IntegratorKind::Inspect(view) => {
+                inspect::integrate(view, context, batch, &mut self.queues, &mut self.inspect);
+            }
+        }
+    }
+}
+
+impl Default for IntegratorKind {
+    fn default() -> Self {
+        Self::Inspect(View::Normal)
+    }
+}
