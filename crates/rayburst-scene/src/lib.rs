@@ -4,6 +4,7 @@
 //! cameras, animations. One instant of it is flattened to plain data, ready to be traced and shaded.
 #![forbid(unsafe_code)]
 
+pub mod builtin;
 pub mod camera;
 pub mod deform;
 pub mod environment;
@@ -14,6 +15,7 @@ pub mod material;
 pub mod mesh;
 pub mod pose;
 pub mod scene;
+pub mod shapes;
 pub mod surface;
 pub mod texture;
 
