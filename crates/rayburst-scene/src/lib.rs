@@ -17,6 +17,7 @@ pub mod pose;
 pub mod scene;
 pub mod shapes;
 pub mod surface;
+pub mod tangents;
 pub mod texture;
 
 pub use camera::{Camera, Projection};

@@ -227,6 +227,18 @@ impl Material {
             &self.alpha_texture,
         ]
     }
+
+    /// All texture slots, to be changed.
+    pub fn slots_mut(&mut self) -> [&mut TextureSlot; 6] {
+        [
+            &mut self.base_color_texture,
+            &mut self.metallic_roughness_texture,
+            &mut self.normal_texture,
+            &mut self.occlusion_texture,
+            &mut self.emissive_texture,
+            &mut self.alpha_texture,
+        ]
+    }
 }
 
 impl Default for Material {

@@ -5,9 +5,14 @@
 //! line in [`Scene::warnings`].
 
 mod error;
+mod gltf;
 mod resolve;
 
-use std::path::{Path, PathBuf};
+use std::{
+    fs::File,
+    io::Read,
+    path::{Path, PathBuf},
+};
 
 pub use error::ImportError;
 pub use resolve::{ResolveError, Resolver, read_limited};
@@ -27,8 +32,6 @@ pub struct LoadOptions {
     pub max_geometry_bytes: u64,
     /// Most bytes that a file may describe without holding them (accessors of zeros).
     pub max_implied_bytes: u64,
-    /// Most texels of one image.
-    pub max_image_texels: u64,
     /// Most bytes of decoded images, all together.
     pub max_image_bytes: u64,
     /// Most nodes, meshes, materials or other parts of one kind.
@@ -43,14 +46,45 @@ impl Default for LoadOptions {
             max_file_bytes: 8 << 30,
             max_geometry_bytes: 16 << 30,
             max_implied_bytes: 64 << 20,
-            max_image_texels: 1 << 28,
             max_image_bytes: 8 << 30,
             max_items: 1 << 22,
         }
     }
 }
 
+/// Formats of scene files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Gltf,
+}
+
 /// Reads a scene of any supported format, told by its extension and, failing that, its content.
-pub fn load(path: &Path, _options: &LoadOptions) -> Result<Scene, ImportError> {
-    Err(ImportError::UnknownFormat { path: path.to_path_buf() })
+pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, ImportError> {
+    match format_of(path)? {
+        Format::Gltf => gltf::load(path, options),
+    }
+}
+
+fn format_of(path: &Path) -> Result<Format, ImportError> {
+    let extension = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
+    match extension.as_deref() {
+        Some("gltf" | "glb") => Ok(Format::Gltf),
+        _ => {
+            let io = |source| ImportError::Io { path: path.to_path_buf(), source };
+            if !std::fs::metadata(path).map_err(io)?.is_file() {
+                return Err(io(std::io::Error::other("it is not a regular file")));
+            }
+            let mut head = Vec::new();
+            File::open(path).map_err(io)?.take(1024).read_to_end(&mut head).map_err(io)?;
+            sniff(&head).ok_or_else(|| ImportError::UnknownFormat { path: path.to_path_buf() })
+        }
+    }
+}
+
+/// The format that the first bytes of a file speak of.
+fn sniff(head: &[u8]) -> Option<Format> {
+    if head.starts_with(b"glTF") || head.trim_ascii_start().starts_with(b"{") {
+        return Some(Format::Gltf);
+    }
+    None
 }

@@ -1,0 +1,4 @@
+//! Integration tests: files in, scenes out.
+#![allow(clippy::print_stderr)]
+
+mod gltf;
