@@ -4,6 +4,7 @@
 //! cameras, animations. One instant of it is flattened to plain data, ready to be traced and shaded.
 #![forbid(unsafe_code)]
 
+pub mod bsdf;
 pub mod builtin;
 pub mod camera;
 pub mod deform;
@@ -20,6 +21,7 @@ pub mod surface;
 pub mod tangents;
 pub mod texture;
 
+pub use bsdf::{Bsdf, BsdfSample, SpecularPath};
 pub use camera::{Camera, Projection};
 pub use environment::Environment;
 pub use flatten::{FlatGeometry, FlatInstance, FlatScene, FlattenError, Flattener};

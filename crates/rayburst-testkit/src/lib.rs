@@ -4,6 +4,7 @@
 
 pub mod meshes;
 pub mod oracle;
+pub mod statistics;
 
 pub use meshes::TestMesh;
 pub use oracle::{Oracle, Verdict};
