@@ -102,6 +102,19 @@ impl LocalTransform {
             Self::Matrix(m) => m,
         }
     }
+
+    /// By parts, so that an animation can move them. A matrix without an inverse keeps its offset
+    /// only; shear is lost.
+    pub fn to_parts(&self) -> (Vec3, Quat, Vec3) {
+        match *self {
+            Self::Parts { translation, rotation, scale } => (translation, rotation, scale),
+            Self::Matrix(m) if m.matrix3.determinant() != 0.0 => {
+                let (scale, rotation, translation) = m.to_scale_rotation_translation();
+                (translation, rotation, scale)
+            }
+            Self::Matrix(m) => (m.translation.into(), Quat::IDENTITY, Vec3::ONE),
+        }
+    }
 }
 
 impl Default for LocalTransform {

@@ -311,3 +311,153 @@ fn append<T: Copy>(values: &mut Vec<T>, copies: &[u32]) {
         values.push(values[i as usize]);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
+
+    use super::*;
+
+    /// A published implementation, as an oracle.
+    struct Oracle<'p> {
+        primitive: &'p Primitive,
+        corners: Vec<Vec4>,
+    }
+
+    impl Geometry for Oracle<'_> {
+        fn num_faces(&self) -> usize {
+            self.primitive.indices.len()
+        }
+
+        fn num_vertices_of_face(&self, _: usize) -> usize {
+            3
+        }
+
+        fn position(&self, face: usize, vert: usize) -> [f32; 3] {
+            self.primitive.positions[self.primitive.indices[face][vert] as usize].to_array()
+        }
+
+        fn normal(&self, face: usize, vert: usize) -> [f32; 3] {
+            let corners = Corners { primitive: self.primitive, faces: vec![], welded: vec![] };
+            corners.normal(3 * face + vert).to_array()
+        }
+
+        fn tex_coord(&self, face: usize, vert: usize) -> [f32; 2] {
+            self.primitive.uvs[0][self.primitive.indices[face][vert] as usize].to_array()
+        }
+
+        fn set_tangent(&mut self, space: Option<TangentSpace>, face: usize, vert: usize) {
+            let [x, y, z, w] = space.unwrap_or_default().tangent_encoded();
+            self.corners[3 * face + vert] = Vec4::new(x, y, z, -w);
+        }
+    }
+
+    fn oracle(primitive: &Primitive) -> Vec<Vec4> {
+        let corners = vec![Vec4::ZERO; 3 * primitive.indices.len()];
+        let mut oracle = Oracle { primitive, corners };
+        generate_tangents(&mut oracle).unwrap();
+        oracle.corners
+    }
+
+    /// A wavy grid whose UVs are mirrored in the right half, with seams in normals and UVs.
+    fn grid(side: usize, smooth: bool) -> Primitive {
+        let mut mesh = Primitive { uvs: vec![vec![]], ..Primitive::default() };
+        let mut normals = vec![];
+        for y in 0..=side {
+            for x in 0..=side {
+                let (u, v) = (x as f32 / side as f32, y as f32 / side as f32);
+                let wave = |s: f32| (7.0 * s).sin();
+                mesh.positions.push(Vec3::new(u, v, 0.2 * wave(u) * wave(v + 0.3)));
+                let mirrored = if u > 0.5 { 1.0 - u } else { u };
+                mesh.uvs[0].push(Vec2::new(mirrored + 0.1 * wave(v), v + 0.05 * wave(u)));
+                normals.push(Vec3::new(0.3 * wave(u), 0.3 * wave(v), 1.0).normalize());
+            }
+        }
+        mesh.normals = smooth.then_some(normals);
+        let row = side as u32 + 1;
+        for y in 0..side as u32 {
+            for x in 0..side as u32 {
+                let a = y * row + x;
+                mesh.indices.push([a, a + 1, a + row + 1]);
+                mesh.indices.push([a, a + row + 1, a + row]);
+            }
+        }
+        mesh
+    }
+
+    fn corners_of(mesh: &Primitive) -> Vec<Vec4> {
+        let tangents = mesh.tangents.as_ref().unwrap();
+        mesh.indices.as_flattened().iter().map(|&i| tangents[i as usize]).collect()
+    }
+
+    #[test]
+    fn agrees_with_the_published_implementation() {
+        for smooth in [true, false] {
+            let mut mesh = grid(24, smooth);
+            let expected = oracle(&mesh);
+            generate(&mut mesh, &TextureSlot::new(0));
+            for (corner, (got, want)) in corners_of(&mesh).iter().zip(&expected).enumerate() {
+                assert_eq!(got.w, want.w, "handedness of corner {corner}, smooth {smooth}");
+                let close = got.truncate().dot(want.truncate());
+                assert!(close > 1.0 - 1e-5, "corner {corner}: {got} {want}, smooth {smooth}");
+            }
+        }
+    }
+
+    #[test]
+    fn vertices_split_only_at_seams() {
+        let side = 24;
+        let mut mesh = grid(side, true);
+        let vertices = mesh.positions.len();
+        generate(&mut mesh, &TextureSlot::new(0));
+        // Mirrored UVs meet in one column of vertices.
+        assert_eq!(mesh.positions.len(), vertices + side + 1);
+        assert_eq!(mesh.normals.as_ref().unwrap().len(), mesh.positions.len());
+        assert_eq!(mesh.uvs[0].len(), mesh.positions.len());
+    }
+
+    #[test]
+    fn an_upright_picture_has_its_bitangent_up() {
+        // u to the right, v downwards, seen from +z.
+        let mut mesh = Primitive {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0)],
+            normals: Some(vec![Vec3::Z; 3]),
+            uvs: vec![vec![Vec2::new(0.0, 1.0), Vec2::ONE, Vec2::new(1.0, 0.0)]],
+            indices: vec![[0, 1, 2]],
+            ..Primitive::default()
+        };
+        generate(&mut mesh, &TextureSlot::new(0));
+        let tangent = mesh.tangents.as_ref().unwrap()[0];
+        assert_eq!(tangent, Vec4::new(1.0, 0.0, 0.0, 1.0));
+        assert_eq!(Vec3::Z.cross(tangent.truncate()) * tangent.w, Vec3::Y);
+        // A texture turned by a quarter turns its tangents.
+        let turned = [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]];
+        generate(&mut mesh, &TextureSlot { transform: turned, ..TextureSlot::new(0) });
+        let tangent = mesh.tangents.as_ref().unwrap()[0];
+        assert!(tangent.abs_diff_eq(Vec4::new(0.0, -1.0, 0.0, 1.0), 1e-6), "{tangent}");
+    }
+
+    #[test]
+    fn broken_and_extreme_meshes_take_no_time() {
+        // A fan of 200,000 triangles around one vertex, the same triangle many times over, points,
+        // and numbers that are not finite.
+        let count = 200_000u32;
+        let angle = |i: u32| i as f32 / count as f32 * 6.0;
+        let rim = (0..count).map(|i| Vec3::new(angle(i).cos(), angle(i).sin(), 0.0));
+        let mut mesh = Primitive {
+            positions: std::iter::once(Vec3::ZERO).chain(rim).collect(),
+            ..Primitive::default()
+        };
+        mesh.uvs = vec![mesh.positions.iter().map(|p| Vec2::new(p.x, p.y)).collect()];
+        mesh.normals = Some(vec![Vec3::Z; mesh.positions.len()]);
+        mesh.indices = (1..count).map(|i| [0, i, i + 1]).collect();
+        mesh.indices.extend((0..count).map(|_| [0, 5, 900]));
+        mesh.indices.extend((0..count).map(|_| [7, 7, 7]));
+        mesh.positions[9] = Vec3::NAN;
+        mesh.uvs[0][12] = Vec2::splat(f32::INFINITY);
+        let start = std::time::Instant::now();
+        generate(&mut mesh, &TextureSlot::new(0));
+        assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
+        assert!(mesh.tangents.unwrap().iter().all(|t| t.is_finite() && t.w.abs() == 1.0));
+    }
+}

@@ -55,7 +55,8 @@ pub(super) fn read(
                 continue;
             };
             if property != Property::Weights {
-                placed.local = by_parts(placed.local);
+                let (translation, rotation, scale) = placed.local.to_parts();
+                placed.local = LocalTransform::Parts { translation, rotation, scale };
             }
             animation.duration = animation.duration.max(keys.times.last().copied().unwrap_or(0.0));
             animation.channels.push(Channel { node, ..keys });
@@ -120,19 +121,4 @@ fn keys(
         warnings.add("keys out of order or not finite; left out", location, skipped);
     }
     Ok((!channel.times.is_empty()).then_some(channel))
-}
-
-fn by_parts(local: LocalTransform) -> LocalTransform {
-    match local {
-        LocalTransform::Parts { .. } => local,
-        LocalTransform::Matrix(matrix) if matrix.matrix3.determinant() != 0.0 => {
-            let (scale, rotation, translation) = matrix.to_scale_rotation_translation();
-            LocalTransform::Parts { translation, rotation, scale }
-        }
-        LocalTransform::Matrix(matrix) => LocalTransform::Parts {
-            translation: matrix.translation.into(),
-            rotation: glam::Quat::IDENTITY,
-            scale: glam::Vec3::ONE,
-        },
-    }
 }
