@@ -1,0 +1,3 @@
+//! Other engines, loaded at run time.
+
+pub mod embree;
