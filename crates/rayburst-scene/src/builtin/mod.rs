@@ -1,11 +1,19 @@
 //! Scenes made in code: the pictures that need no file, and the benchmarks whose size is a
 //! parameter. The same bytes on every machine and in every run.
 
+mod checker;
+mod city;
 mod cornell;
 mod dof;
 mod furnace;
+mod hairball;
+mod hemisphere_room;
+mod outdoors;
 mod spec;
 mod spectra;
+mod spheres;
+mod stadium;
+mod terrain;
 mod veach_mis;
 mod view;
 
@@ -55,6 +63,22 @@ const SCENES: &[BuiltinScene] = &[
         build: cornell::build,
     },
     BuiltinScene {
+        name: "spheres",
+        summary: "Whitted's glass and mirror spheres above a checkerboard",
+        figure: Some("26.4"),
+        parameters: &[],
+        size: (640, 480),
+        build: spheres::build,
+    },
+    BuiltinScene {
+        name: "hemisphere-room",
+        summary: "a reflective hemisphere in a room of checkerboards",
+        figure: Some("26.23"),
+        parameters: &[],
+        size: (640, 480),
+        build: hemisphere_room::build,
+    },
+    BuiltinScene {
         name: "veach-mis",
         summary: "glossy plates under small and large lights: the test of multiple importance sampling",
         figure: None,
@@ -69,6 +93,38 @@ const SCENES: &[BuiltinScene] = &[
         parameters: dof::PARAMETERS,
         size: (800, 500),
         build: dof::build,
+    },
+    BuiltinScene {
+        name: "stadium",
+        summary: "the Utah teapot in a stadium of seats",
+        figure: None,
+        parameters: stadium::PARAMETERS,
+        size: (960, 540),
+        build: stadium::build,
+    },
+    BuiltinScene {
+        name: "terrain",
+        summary: "mountains around a lake, of any number of triangles",
+        figure: None,
+        parameters: terrain::PARAMETERS,
+        size: (960, 540),
+        build: terrain::build,
+    },
+    BuiltinScene {
+        name: "hairball",
+        summary: "a ball of curly hair, of any number of triangles",
+        figure: None,
+        parameters: hairball::PARAMETERS,
+        size: (512, 512),
+        build: hairball::build,
+    },
+    BuiltinScene {
+        name: "city",
+        summary: "a city of boxes, of any number of triangles",
+        figure: None,
+        parameters: city::PARAMETERS,
+        size: (960, 540),
+        build: city::build,
     },
     BuiltinScene {
         name: "furnace",

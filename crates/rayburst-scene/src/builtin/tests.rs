@@ -167,7 +167,7 @@ fn cornell_has_the_measured_colours() {
 
 #[test]
 fn emitters_of_rooms_face_the_room() {
-    for name in ["cornell"] {
+    for name in ["cornell", "hemisphere-room"] {
         let scene = build(name).unwrap();
         let eye = Vec3::from(scene.views[0].camera.transform.translation);
         let mut found = 0;
