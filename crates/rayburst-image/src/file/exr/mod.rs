@@ -3,6 +3,7 @@
 //! Layers are channel name prefixes in one part (`albedo.R`), which every viewer understands; the
 //! beauty has none. Compression is ZIP (16 lines a block), lossless.
 
+mod blocks;
 mod read;
 mod write;
 

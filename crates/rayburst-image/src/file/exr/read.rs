@@ -1,19 +1,18 @@
 //! Reading: every flat file, scan lines or tiles, half, float or integer samples, many parts.
 
 use std::collections::BTreeMap;
-use std::io::Cursor;
 use std::path::Path;
 
-use ::exr::image::FlatSamples;
 use ::exr::meta::attribute::{AttributeValue, SampleType};
 use ::exr::meta::header::Header;
 use ::exr::meta::{BlockDescription, MetaData};
-use ::exr::prelude::{AnyChannels, Compression, ReadChannels, ReadLayers, Text, Vec2};
+use ::exr::prelude::{Compression, Text, Vec2};
 
+use super::blocks;
 use crate::file::read_bytes;
 use crate::limits::{check_bytes, check_size};
 use crate::picture::full_name;
-use crate::{Channel, ImageError, Layer, LayeredImage, Precision, Result};
+use crate::{Channel, ImageError, Layer, LayeredImage, Result};
 
 /// Reads an EXR file.
 pub fn read_exr(path: &Path) -> Result<LayeredImage> {
@@ -28,33 +27,28 @@ pub fn read_exr(path: &Path) -> Result<LayeredImage> {
 pub fn decode_exr(bytes: &[u8], name: &str) -> Result<LayeredImage> {
     let malformed = |e: ::exr::error::Error| match e {
         ::exr::error::Error::NotSupported(what) => {
-            ImageError::unsupported(name, format!("{what}; convert it to a flat ZIP file"))
+            ImageError::unsupported(name, format!("{what}; save it as a flat file with ZIP"))
         }
         e => ImageError::malformed(name, "EXR", e),
     };
     let meta = MetaData::read_from_buffered(bytes, false).map_err(malformed)?;
     let window = check_headers(&meta.headers, bytes.len(), name)?;
     // The headers are known to be harmless: now read everything.
-    let image = ::exr::prelude::read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .all_layers()
-        .all_attributes()
-        .from_buffered(Cursor::new(bytes))
-        .map_err(malformed)?;
+    let (meta, parts) = blocks::read(bytes).map_err(malformed)?;
 
     let mut layers: BTreeMap<String, Layer> = BTreeMap::new();
     let mut attributes = BTreeMap::new();
-    for part in image.layer_data {
-        collect_attributes(&part.attributes, &mut attributes);
-        let offset = part.attributes.layer_position - image.attributes.display_window.position;
-        let part_name = part.attributes.layer_name.map(|n| text(&n)).unwrap_or_default();
-        let AnyChannels { list } = part.channel_data;
-        for channel in list {
-            let (values, precision) = to_floats(channel.sample_data);
-            let values = place(values, part.size, offset, window);
-            let full = match text(&channel.name) {
+    for (header, planes) in meta.headers.iter().zip(parts) {
+        let own = &header.own_attributes;
+        collect_attributes(own, &mut attributes);
+        let display = meta.headers[0].shared_attributes.display_window.position;
+        let offset = |axis: fn(Vec2<i32>) -> i32| {
+            i64::from(axis(own.layer_position)) - i64::from(axis(display))
+        };
+        let offset = Vec2(offset(Vec2::x), offset(Vec2::y));
+        let part_name = own.layer_name.as_ref().map(text).unwrap_or_default();
+        for plane in planes {
+            let full = match text(&plane.name) {
                 n if part_name.is_empty() || n.starts_with(&format!("{part_name}.")) => n,
                 n => full_name(&part_name, &n),
             };
@@ -63,7 +57,11 @@ pub fn decode_exr(bytes: &[u8], name: &str) -> Result<LayeredImage> {
                 .entry(layer.to_owned())
                 .or_insert_with(|| Layer { name: layer.to_owned(), channels: Vec::new() })
                 .channels
-                .push(Channel { name: channel.to_owned(), values, precision });
+                .push(Channel {
+                    name: channel.to_owned(),
+                    values: place(plane.values, header.layer_size, offset, window),
+                    precision: plane.precision,
+                });
         }
     }
     let mut layers: Vec<Layer> = layers.into_values().collect();
@@ -95,6 +93,10 @@ fn check_headers(headers: &[Header], file_bytes: usize, name: &str) -> Result<Ve
             let reason = "subsampled channels are not read; save it as RGB";
             return Err(ImageError::unsupported(name, reason));
         }
+        if header.chunk_count > file_bytes / 8 {
+            let reason = format!("{} blocks do not fit into the file", header.chunk_count);
+            return Err(ImageError::malformed(name, "EXR", reason));
+        }
         let channels = header.channels.list.len() as u128;
         samples += channels * (part_pixels + pixels) as u128;
         // These compressions cannot shrink further than this; the others reach any ratio.
@@ -102,6 +104,10 @@ fn check_headers(headers: &[Header], file_bytes: usize, name: &str) -> Result<Ve
             Compression::Uncompressed => 1,
             Compression::RLE => 64,
             Compression::ZIP1 | Compression::ZIP16 | Compression::PXR24 => 1040,
+            Compression::B44 | Compression::B44A => {
+                let reason = "B44 compression is not read; save it with ZIP or PIZ";
+                return Err(ImageError::unsupported(name, reason));
+            }
             _ => 1 << 16,
         };
         let sample_bytes = |t| if t == SampleType::F16 { 2 } else { 4u128 };
@@ -118,26 +124,18 @@ fn check_headers(headers: &[Header], file_bytes: usize, name: &str) -> Result<Ve
     Ok(display)
 }
 
-fn to_floats(samples: FlatSamples) -> (Vec<f32>, Precision) {
-    match samples {
-        FlatSamples::F16(v) => (v.into_iter().map(|h| h.to_f32()).collect(), Precision::Half),
-        FlatSamples::F32(v) => (v, Precision::Float),
-        FlatSamples::U32(v) => (v.into_iter().map(|u| u as f32).collect(), Precision::Float),
-    }
-}
-
 /// Copies a data window into the display window, zero where it has no data.
-fn place(values: Vec<f32>, size: Vec2<usize>, offset: Vec2<i32>, window: Vec2<usize>) -> Vec<f32> {
-    if size == window && offset == Vec2(0, 0) {
+fn place(values: Vec<f32>, size: Vec2<usize>, offset: Vec2<i64>, window: Vec2<usize>) -> Vec<f32> {
+    if size == window && offset == Vec2(0i64, 0) {
         return values;
     }
     let mut placed = vec![0.0; window.0 * window.1];
     for (y, row) in values.chunks_exact(size.0).enumerate() {
-        let target_y = i64::from(offset.1) + y as i64;
+        let target_y = offset.1 + y as i64;
         if !(0..window.1 as i64).contains(&target_y) {
             continue;
         }
-        let x0 = i64::from(offset.0);
+        let x0 = offset.0;
         let (begin, end) = (x0.max(0), (x0 + size.0 as i64).min(window.0 as i64));
         if begin < end {
             let target = target_y as usize * window.0;
