@@ -1,122 +1,73 @@
 //! A bottom-level structure: the triangles of many geometries.
 
-use std::ops::ControlFlow;
+use std::{ops::ControlFlow, sync::OnceLock, time::Instant};
 
 use glam::Vec3;
-use rayburst_math::{Aabb, Hit, HitKind, Ray};
+use rayburst_math::{Aabb, Hit, Ray};
+use rayburst_simd::{Isa, IsaLevel, Triangles4};
 
 use crate::{
-    BuildError, BuildOptions, BuildStats, BvhDefect, Cull, TriangleMesh, ValidationReport,
-    geometry::MAX_COORDINATE,
+    BuildError, BuildOptions, BuildQuality, BuildStats, BvhDefect, CandidateFilter, InstanceFlags,
+    TraceOptions, TriangleMesh, ValidationReport,
+    build::{
+        binned_sah::BinnedSah,
+        primitives::{self, MAX_PRIMITIVES},
+    },
+    layout::{
+        bvh8::Bvh8,
+        triangles::{BLOCK, TriangleId, TriangleLeaves, locate},
+    },
+    structure::{Stacks, Structure},
+    traverse::{
+        closest::Closest,
+        count::Count,
+        prepare::PreparedRay,
+        query::{Asker, Place, Query, trace_blas},
+    },
+    validate,
 };
-
-#[derive(Clone, Debug)]
-struct Node {
-    bounds: Aabb,
-    first: u32,
-    count: u32,
-}
 
 /// The triangles of many geometries, ready to be traced.
 #[derive(Clone, Debug)]
 pub struct Blas {
-    nodes: Vec<Node>,
-    order: Vec<u32>,
-    triangles: Vec<[Vec3; 3]>,
-    opaque: Vec<bool>,
+    pub(crate) tree: Bvh8,
+    /// The number of each geometry's first triangle, and after the last the number of all.
     starts: Vec<u32>,
     stats: BuildStats,
+    isa: IsaLevel,
+    /// Where each triangle's block is, made when first asked for.
+    blocks: OnceLock<Vec<u32>>,
 }
 
 impl Blas {
     /// Builds over triangle meshes; their order gives the geometry indices of hits.
     pub fn build(
         geometries: &[TriangleMesh<'_>],
-        _options: &BuildOptions,
+        options: &BuildOptions,
     ) -> Result<Self, BuildError> {
-        let mut triangles = Vec::new();
-        let mut starts = vec![0];
-        for (geometry, mesh) in geometries.iter().enumerate() {
-            for (primitive, indices) in mesh.indices.iter().enumerate() {
-                if let Some(&index) = indices.iter().find(|&&i| i as usize >= mesh.positions.len())
-                {
-                    return Err(BuildError::IndexOutOfRange {
-                        geometry: geometry as u32,
-                        primitive: primitive as u32,
-                        index,
-                        vertices: mesh.positions.len(),
-                    });
-                }
-                triangles.push(mesh.triangle(primitive));
-            }
-            starts.push(triangles.len() as u32);
-        }
-        let mut order: Vec<u32> = (0..triangles.len() as u32)
-            .filter(|&i| {
-                let [a, b, c] = triangles[i as usize];
-                let small = |p: Vec3| p.abs().cmple(Vec3::splat(MAX_COORDINATE)).all();
-                let [a64, b64, c64] = [a, b, c].map(|p| p.as_dvec3());
-                small(a)
-                    && small(b)
-                    && small(c)
-                    && (b64 - a64).cross(c64 - a64) != glam::DVec3::ZERO
-            })
-            .collect();
-        let inactive = triangles.len() - order.len();
-        let mut nodes = vec![];
-        if !order.is_empty() {
-            nodes.push(Node { bounds: Aabb::EMPTY, first: 0, count: order.len() as u32 });
-            let mut i = 0;
-            while i < nodes.len() {
-                let (first, count) = (nodes[i].first as usize, nodes[i].count as usize);
-                let range = &mut order[first..first + count];
-                let bounds = Aabb::of_points(range.iter().flat_map(|&p| triangles[p as usize]));
-                nodes[i].bounds = bounds;
-                if count > 4 {
-                    let e = bounds.extent();
-                    let axis = if e.x >= e.y && e.x >= e.z {
-                        0
-                    } else if e.y >= e.z {
-                        1
-                    } else {
-                        2
-                    };
-                    let key = |p: &u32| triangles[*p as usize].iter().map(|v| v[axis]).sum::<f32>();
-                    range.select_nth_unstable_by(count / 2, |a, b| {
-                        key(a).total_cmp(&key(b)).then(a.cmp(b))
-                    });
-                    let child = nodes.len() as u32;
-                    nodes[i].first = child;
-                    nodes[i].count = 0;
-                    let half = count / 2;
-                    nodes.push(Node {
-                        bounds: Aabb::EMPTY,
-                        first: first as u32,
-                        count: half as u32,
-                    });
-                    nodes.push(Node {
-                        bounds: Aabb::EMPTY,
-                        first: (first + half) as u32,
-                        count: (count - half) as u32,
-                    });
-                }
-                i += 1;
-            }
-        }
-        let stats = BuildStats {
-            primitives: order.len(),
-            inactive,
-            nodes: nodes.len(),
-            ..Default::default()
+        let begin = Instant::now();
+        let isa = options.resolve_isa()?;
+        let starts = number_triangles(geometries)?;
+        let leaves = TriangleLeaves { geometries, starts: &starts[..geometries.len()] };
+        let (refs, inactive) = primitives::of_triangles(geometries, leaves.starts)?;
+        let primitives = refs.len();
+        let bins = match options.quality {
+            BuildQuality::Fast => 8,
+            BuildQuality::Balanced => 16,
         };
-        Ok(Self {
-            nodes,
-            order,
-            triangles,
-            opaque: geometries.iter().map(|g| g.opaque).collect(),
-            starts,
-            stats,
-        })
+        let binary = BinnedSah { bins, leaf_size: BLOCK }.build(refs);
+        let tree = Bvh8::collapse(&binary, &leaves)?;
+        let stats = BuildStats {
+            primitives,
+            inactive,
+            nodes: tree.shape.nodes,
+            leaves: tree.shape.leaves,
+            depth: tree.shape.depth,
+            sah_cost: tree.shape.sah_cost,
+            bytes: tree.bytes() + size_of_val(starts.as_slice()),
+            seconds: begin.elapsed().as_secs_f64(),
+        };
+        Ok(Self { tree, starts, stats, isa, blocks: OnceLock::new() })
     }
 
     /// What the build made.
@@ -126,120 +77,133 @@ impl Blas {
 
     /// The box around all triangles that can be hit; empty if there are none.
     pub fn bounds(&self) -> Aabb {
-        self.nodes.first().map_or(Aabb::EMPTY, |node| node.bounds)
+        self.tree.bounds
     }
 
     /// How many geometries it was built from.
     pub fn geometry_count(&self) -> usize {
-        self.opaque.len()
+        self.starts.len() - 1
+    }
+
+    /// The instruction set of its kernels.
+    pub fn isa(&self) -> IsaLevel {
+        self.isa
     }
 
     /// The corners of a triangle as they are traced, after the geometry's transform; `None` if there
-    /// is no such triangle or it can never be hit.
+    /// is no such triangle or it can never be hit. The first call makes an index of four bytes a
+    /// triangle.
     pub fn triangle(&self, geometry: u32, primitive: u32) -> Option<[Vec3; 3]> {
         let start = *self.starts.get(geometry as usize)?;
         let end = *self.starts.get(geometry as usize + 1)?;
-        let index = start.checked_add(primitive).filter(|&index| index < end)?;
-        self.order.contains(&index).then(|| self.triangles[index as usize])
+        let triangle = start.checked_add(primitive).filter(|&triangle| triangle < end)?;
+        let at = self.blocks.get_or_init(|| self.index_blocks())[triangle as usize];
+        if at == NO_BLOCK {
+            return None;
+        }
+        let block = self.block(at);
+        let lane = (0..BLOCK).find(|&l| TriangleId::of_lane(block, l).triangle() == triangle)?;
+        Some(
+            block
+                .vertices
+                .map(|corner| Vec3::new(corner[0][lane], corner[1][lane], corner[2][lane])),
+        )
     }
 
-    /// Proves the structure: each triangle reached once, boxes enclosing, depth in bounds.
+    /// Proves the structure: each triangle that can be hit reached once, boxes enclosing, references
+    /// in bounds, depth within what traversal allows.
     pub fn validate(&self) -> Result<ValidationReport, BvhDefect> {
-        let mut seen = vec![false; self.triangles.len()];
-        for &p in &self.order {
-            if std::mem::replace(&mut seen[p as usize], true) {
-                return Err(BvhDefect::Repeated(p));
-            }
-        }
-        Ok(ValidationReport { primitives: self.order.len(), ..Default::default() })
+        let triangles = self.starts[self.geometry_count()];
+        validate::tree(
+            &self.tree,
+            triangles,
+            self.stats.primitives,
+            size_of::<Triangles4>() / 32,
+            |value| {
+                let block = self.block(value);
+                (0..BLOCK)
+                    .filter(|&lane| TriangleId::of_lane(block, lane) != TriangleId::NONE)
+                    .map(|lane| {
+                        let bounds = Aabb::of_points(block.vertices.map(|corner| {
+                            Vec3::new(corner[0][lane], corner[1][lane], corner[2][lane])
+                        }));
+                        (TriangleId::of_lane(block, lane).triangle(), bounds)
+                    })
+                    .collect()
+            },
+        )
     }
 
-    /// Visits hits in `ray`'s interval, which the visitor may shorten.
-    pub(crate) fn visit(
-        &self,
-        ray: &mut Ray,
-        cull: Cull,
-        visitor: &mut dyn FnMut(&mut Ray, Hit, bool) -> ControlFlow<()>,
-    ) -> ControlFlow<()> {
-        let mut stack = vec![];
-        if !self.nodes.is_empty() && ray.is_valid() {
-            stack.push(0u32);
-        }
-        while let Some(index) = stack.pop() {
-            let node = &self.nodes[index as usize];
-            if !slab(&node.bounds, ray) {
-                continue;
-            }
-            if node.count == 0 {
-                stack.extend([node.first, node.first + 1]);
-                continue;
-            }
-            for &p in &self.order[node.first as usize..][..node.count as usize] {
-                let geometry = self.starts.partition_point(|&s| s <= p) - 1;
-                if let Some((t, u, v, front)) = intersect(&self.triangles[p as usize], ray)
-                    && match cull {
-                        Cull::None => true,
-                        Cull::Front => !front,
-                        Cull::Back => front,
-                    }
-                {
-                    let hit = Hit {
-                        t,
-                        u,
-                        v,
-                        primitive: p - self.starts[geometry],
-                        geometry: geometry as u32,
-                        instance: 0,
-                        kind: if front { HitKind::TRIANGLE_FRONT } else { HitKind::TRIANGLE_BACK },
-                        reserved: 0,
-                    };
-                    visitor(ray, hit, self.opaque[geometry])?;
+    /// The geometry and primitive of a triangle numbered through all geometries.
+    #[inline]
+    pub(crate) fn locate(&self, triangle: u32) -> (u32, u32) {
+        locate(&self.starts, triangle)
+    }
+
+    fn block(&self, half_line: u32) -> &Triangles4 {
+        // SAFETY: callers take positions from the tree's leaves, where `TriangleLeaves` put blocks.
+        unsafe { self.tree.block(half_line) }
+    }
+
+    fn index_blocks(&self) -> Vec<u32> {
+        let mut blocks = vec![NO_BLOCK; self.starts[self.geometry_count()] as usize];
+        self.tree.for_each_leaf(|value| {
+            for lane in 0..BLOCK {
+                let id = TriangleId::of_lane(self.block(value), lane);
+                if id != TriangleId::NONE {
+                    blocks[id.triangle() as usize] = value;
                 }
             }
-        }
-        ControlFlow::Continue(())
+        });
+        blocks
     }
 }
 
-fn slab(bounds: &Aabb, ray: &Ray) -> bool {
-    let (mut near, mut far) = (f64::from(ray.t_min), f64::from(ray.t_max));
-    for axis in 0..3 {
-        let (o, d) = (f64::from(ray.origin[axis]), f64::from(ray.direction[axis]));
-        let (lo, hi) = (f64::from(bounds.lower[axis]), f64::from(bounds.upper[axis]));
-        let e = 1e-6 * (hi - lo + lo.abs() + hi.abs() + o.abs());
-        let (lo, hi) = (lo - e, hi + e);
-        if d == 0.0 {
-            if o < lo || o > hi {
-                return false;
-            }
-        } else {
-            let (a, b) = ((lo - o) / d, (hi - o) / d);
-            near = near.max(a.min(b));
-            far = far.min(a.max(b));
+/// Marks triangles in no block.
+const NO_BLOCK: u32 = u32::MAX;
+
+/// The number of each geometry's first triangle, and the number of all.
+fn number_triangles(geometries: &[TriangleMesh<'_>]) -> Result<Vec<u32>, BuildError> {
+    let mut starts = Vec::with_capacity(geometries.len() + 1);
+    let mut total = 0usize;
+    starts.push(0);
+    for mesh in geometries {
+        total = total.saturating_add(mesh.indices.len());
+        if total > MAX_PRIMITIVES {
+            let count = geometries.iter().map(|mesh| mesh.indices.len()).sum();
+            return Err(BuildError::TooMany { what: "triangles", count, limit: MAX_PRIMITIVES });
         }
+        starts.push(total as u32);
     }
-    near <= far * (1.0 + far.signum() * 1e-6)
+    Ok(starts)
 }
 
-fn intersect(triangle: &[Vec3; 3], ray: &Ray) -> Option<(f32, f32, f32, bool)> {
-    let o = ray.origin.as_dvec3();
-    let d = ray.direction.as_dvec3();
-    let [a, b, c] = triangle.map(|p| p.as_dvec3() - o);
-    let kz = (0..3).max_by(|&i, &j| d[i].abs().total_cmp(&d[j].abs()))?;
-    let (mut kx, mut ky) = ((kz + 1) % 3, (kz + 2) % 3);
-    if d[kz] < 0.0 {
-        std::mem::swap(&mut kx, &mut ky);
+impl Structure for Blas {
+    fn isa_level(&self) -> IsaLevel {
+        self.isa
     }
-    let shear = |p: glam::DVec3| (p[kx] - d[kx] / d[kz] * p[kz], p[ky] - d[ky] / d[kz] * p[kz]);
-    let ((ax, ay), (bx, by), (cx, cy)) = (shear(a), shear(b), shear(c));
-    let (u, v, w) = (cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax);
-    if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
-        return None;
+
+    #[inline(always)]
+    fn trace<I: Isa, Q: Query, F: CandidateFilter, C: Count>(
+        &self,
+        isa: I,
+        asker: &Asker<'_, F>,
+        options: &TraceOptions,
+        stacks: &mut Stacks,
+        query: &mut Q,
+        count: &mut C,
+    ) -> ControlFlow<()> {
+        let ray: &Ray = asker.ray;
+        let bounds = &self.tree.bounds;
+        let Some(prepared) = PreparedRay::new(ray.origin, ray.direction, bounds, 0.0) else {
+            return ControlFlow::Continue(());
+        };
+        let place = Place::new(self, 0, InstanceFlags::default(), options);
+        trace_blas(isa, &place, &prepared, asker, &mut stacks.bottom, query, count)
     }
-    let det = u + v + w;
-    if det == 0.0 {
-        return None;
+
+    #[inline(always)]
+    fn finish(&self, closest: &Closest) -> Hit {
+        closest.finish(|_, triangle| self.locate(triangle))
     }
-    let t = ((u * a[kz] + v * b[kz] + w * c[kz]) / (det * d[kz])) as f32;
-    (ray.t_min <= t && t <= ray.t_max).then_some((t, (v / det) as f32, (w / det) as f32, det > 0.0))
 }

@@ -16,12 +16,15 @@
 //!   zero area, are never hit.
 
 mod blas;
+mod build;
 mod error;
 mod geometry;
+mod layout;
 mod options;
 mod query;
 mod structure;
 mod tlas;
+mod traverse;
 mod validate;
 
 pub use blas::Blas;

@@ -1,6 +1,6 @@
 //! How to build, and what came out.
 
-use rayburst_simd::IsaLevel;
+use rayburst_simd::{IsaError, IsaLevel};
 
 /// The trade of build time against trace time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -21,6 +21,13 @@ pub struct BuildOptions {
     /// The instruction set of this structure's kernels; `None` is what `RAYBURST_ISA` names, or the
     /// best one.
     pub isa: Option<IsaLevel>,
+}
+
+impl BuildOptions {
+    /// The instruction set asked for.
+    pub(crate) fn resolve_isa(&self) -> Result<IsaLevel, IsaError> {
+        self.isa.map_or_else(IsaLevel::from_environment, Ok)
+    }
 }
 
 /// What a build made.

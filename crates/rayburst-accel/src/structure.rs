@@ -1,13 +1,193 @@
-//! The queries of both structures, in one text.
+//! The queries of both structures, in one text: one ray and batches, with and without counters.
 
 use std::ops::ControlFlow;
 
 use rayburst_math::{Hit, Ray};
+use rayburst_simd::{Isa, IsaLevel, Kernel};
 
-use crate::{AllHits, Blas, CandidateFilter, Counters, Tlas, TraceOptions};
+use crate::{
+    AllHits, Blas, CandidateFilter, Counters, Tlas, TraceOptions,
+    traverse::{
+        all::All,
+        any::Any,
+        closest::Closest,
+        count::{Count, NoCount},
+        query::{Asker, Query},
+        walk::Stack,
+    },
+};
+
+/// The stacks of a traversal, set up once a batch.
+pub(crate) struct Stacks {
+    pub(crate) top: Stack,
+    pub(crate) bottom: Stack,
+}
+
+impl Stacks {
+    #[inline(always)]
+    fn new() -> Self {
+        Self { top: Stack::new(), bottom: Stack::new() }
+    }
+}
+
+/// What a structure must be able to do to answer all queries.
+pub(crate) trait Structure {
+    fn isa_level(&self) -> IsaLevel;
+
+    /// Offers the query every triangle that a valid ray meets, until it breaks.
+    fn trace<I: Isa, Q: Query, F: CandidateFilter, C: Count>(
+        &self,
+        isa: I,
+        asker: &Asker<'_, F>,
+        options: &TraceOptions,
+        stacks: &mut Stacks,
+        query: &mut Q,
+        count: &mut C,
+    ) -> ControlFlow<()>;
+
+    /// The hit of a finished query.
+    fn finish(&self, closest: &Closest) -> Hit;
+}
+
+/// A query of many rays as a kernel; `answer` makes and finishes the query of each.
+struct Batch<'a, S, F, C, A> {
+    structure: &'a S,
+    rays: &'a [Ray],
+    options: &'a TraceOptions,
+    filter: &'a F,
+    counts: &'a mut [C],
+    answers: A,
+}
+
+/// What becomes of the rays of a batch.
+trait Answers {
+    fn answer<I: Isa, S: Structure, F: CandidateFilter, C: Count>(
+        &mut self,
+        tracer: &mut Tracer<'_, I, S, F, C>,
+        index: usize,
+        ray: &Ray,
+    );
+}
+
+/// Traces one ray after another.
+struct Tracer<'a, I, S, F, C> {
+    isa: I,
+    structure: &'a S,
+    options: &'a TraceOptions,
+    filter: &'a F,
+    stacks: Stacks,
+    count: C,
+}
+
+impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Tracer<'_, I, S, F, C> {
+    #[inline(always)]
+    fn trace<Q: Query>(&mut self, index: usize, ray: &Ray, query: &mut Q) {
+        if ray.is_valid() {
+            let asker = Asker { filter: self.filter, ray, index: index as u32 };
+            // Whether the search ended early is in the query.
+            let _ = self.structure.trace(
+                self.isa,
+                &asker,
+                self.options,
+                &mut self.stacks,
+                query,
+                &mut self.count,
+            );
+        }
+    }
+}
+
+impl<S: Structure, F: CandidateFilter, C: Count, A: Answers> Kernel for Batch<'_, S, F, C, A> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<I: Isa>(mut self, isa: I) {
+        let mut tracer = Tracer {
+            isa,
+            structure: self.structure,
+            options: self.options,
+            filter: self.filter,
+            stacks: Stacks::new(),
+            count: C::default(),
+        };
+        for (index, (ray, count)) in self.rays.iter().zip(self.counts).enumerate() {
+            tracer.count = C::default();
+            self.answers.answer(&mut tracer, index, ray);
+            *count = tracer.count;
+        }
+    }
+}
+
+struct ClosestHits<'a>(&'a mut [Hit]);
+
+impl Answers for ClosestHits<'_> {
+    #[inline(always)]
+    fn answer<I: Isa, S: Structure, F: CandidateFilter, C: Count>(
+        &mut self,
+        tracer: &mut Tracer<'_, I, S, F, C>,
+        index: usize,
+        ray: &Ray,
+    ) {
+        let mut query = Closest::new(ray);
+        tracer.trace(index, ray, &mut query);
+        self.0[index] = tracer.structure.finish(&query);
+    }
+}
+
+struct AnyHits<'a>(&'a mut [bool]);
+
+impl Answers for AnyHits<'_> {
+    #[inline(always)]
+    fn answer<I: Isa, S: Structure, F: CandidateFilter, C: Count>(
+        &mut self,
+        tracer: &mut Tracer<'_, I, S, F, C>,
+        index: usize,
+        ray: &Ray,
+    ) {
+        let mut query = Any::new(ray);
+        tracer.trace(index, ray, &mut query);
+        self.0[index] = query.found;
+    }
+}
+
+struct EveryHit<'a> {
+    offsets: &'a mut Vec<usize>,
+    hits: &'a mut Vec<Hit>,
+}
+
+impl Answers for EveryHit<'_> {
+    #[inline(always)]
+    fn answer<I: Isa, S: Structure, F: CandidateFilter, C: Count>(
+        &mut self,
+        tracer: &mut Tracer<'_, I, S, F, C>,
+        index: usize,
+        ray: &Ray,
+    ) {
+        let mut query = All::new(ray, self.hits);
+        tracer.trace(index, ray, &mut query);
+        query.finish();
+        self.offsets.push(self.hits.len());
+    }
+}
+
+fn run<S: Structure, F: CandidateFilter, C: Count>(
+    structure: &S,
+    rays: &[Ray],
+    options: &TraceOptions,
+    filter: &F,
+    counts: &mut [C],
+    answers: impl Answers,
+) {
+    structure.isa_level().dispatch(Batch { structure, rays, options, filter, counts, answers });
+}
+
+/// As many counters as rays that count nothing and take no memory.
+fn uncounted(rays: &[Ray]) -> Vec<NoCount> {
+    vec![NoCount; rays.len()]
+}
 
 macro_rules! queries {
-    ($structure:ty, $visit:expr) => {
+    ($structure:ty) => {
         impl $structure {
             /// The nearest hit of a ray, or [`Hit::MISS`].
             pub fn closest_hit(
@@ -16,7 +196,10 @@ macro_rules! queries {
                 options: &TraceOptions,
                 filter: &impl CandidateFilter,
             ) -> Hit {
-                self.closest(0, ray, options, filter)
+                let mut hit = Hit::MISS;
+                let (rays, hits) = (std::slice::from_ref(ray), std::slice::from_mut(&mut hit));
+                self.closest_hits(rays, hits, options, filter);
+                hit
             }
 
             /// Whether a ray hits anything.
@@ -26,7 +209,10 @@ macro_rules! queries {
                 options: &TraceOptions,
                 filter: &impl CandidateFilter,
             ) -> bool {
-                self.closest(0, ray, options, filter).is_hit()
+                let mut hit = false;
+                let (rays, hits) = (std::slice::from_ref(ray), std::slice::from_mut(&mut hit));
+                self.any_hits(rays, hits, options, filter);
+                hit
             }
 
             /// Every hit of a ray, nearest first; replaces what `hits` held.
@@ -38,7 +224,9 @@ macro_rules! queries {
                 hits: &mut Vec<Hit>,
             ) {
                 hits.clear();
-                self.all(0, ray, options, filter, hits);
+                let rays = std::slice::from_ref(ray);
+                let answers = EveryHit { offsets: &mut vec![], hits };
+                run(self, rays, options, filter, &mut uncounted(rays), answers);
             }
 
             /// The nearest hit of each ray.
@@ -53,12 +241,10 @@ macro_rules! queries {
                 filter: &impl CandidateFilter,
             ) {
                 assert_eq!(rays.len(), hits.len(), "as many hits as rays");
-                for (i, (ray, hit)) in rays.iter().zip(hits).enumerate() {
-                    *hit = self.closest(i as u32, ray, options, filter);
-                }
+                run(self, rays, options, filter, &mut uncounted(rays), ClosestHits(hits));
             }
 
-            /// [`Self::closest_hits`], and what each ray visited.
+            /// The nearest hit of each ray, and what each visited.
             ///
             /// # Panics
             /// If the slices differ in length.
@@ -70,9 +256,9 @@ macro_rules! queries {
                 options: &TraceOptions,
                 filter: &impl CandidateFilter,
             ) {
+                assert_eq!(rays.len(), hits.len(), "as many hits as rays");
                 assert_eq!(rays.len(), counts.len(), "as many counts as rays");
-                counts.fill(Counters::default());
-                self.closest_hits(rays, hits, options, filter);
+                run(self, rays, options, filter, counts, ClosestHits(hits));
             }
 
             /// Whether each ray hits anything.
@@ -87,12 +273,10 @@ macro_rules! queries {
                 filter: &impl CandidateFilter,
             ) {
                 assert_eq!(rays.len(), occluded.len(), "as many answers as rays");
-                for (i, (ray, hit)) in rays.iter().zip(occluded).enumerate() {
-                    *hit = self.closest(i as u32, ray, options, filter).is_hit();
-                }
+                run(self, rays, options, filter, &mut uncounted(rays), AnyHits(occluded));
             }
 
-            /// [`Self::any_hits`], and what each ray visited.
+            /// Whether each ray hits anything, and what each visited.
             ///
             /// # Panics
             /// If the slices differ in length.
@@ -104,9 +288,9 @@ macro_rules! queries {
                 options: &TraceOptions,
                 filter: &impl CandidateFilter,
             ) {
+                assert_eq!(rays.len(), occluded.len(), "as many answers as rays");
                 assert_eq!(rays.len(), counts.len(), "as many counts as rays");
-                counts.fill(Counters::default());
-                self.any_hits(rays, occluded, options, filter);
+                run(self, rays, options, filter, counts, AnyHits(occluded));
             }
 
             /// Every hit of each ray.
@@ -116,70 +300,18 @@ macro_rules! queries {
                 options: &TraceOptions,
                 filter: &impl CandidateFilter,
             ) -> AllHits {
-                let mut result = AllHits { offsets: vec![0], hits: vec![] };
-                for (i, ray) in rays.iter().enumerate() {
-                    self.all(i as u32, ray, options, filter, &mut result.hits);
-                    result.offsets.push(result.hits.len());
-                }
-                result
-            }
-
-            fn closest<F: CandidateFilter>(
-                &self,
-                index: u32,
-                original: &Ray,
-                options: &TraceOptions,
-                filter: &F,
-            ) -> Hit {
-                let mut best = Hit::MISS;
-                let mut ray = *original;
-                let _ = $visit(self, &mut ray, options, &mut |ray: &mut Ray, hit: Hit, opaque| {
-                    if hit.precedes(&best)
-                        && (!F::ACTIVE || opaque || filter.accept(index, original, &hit))
-                    {
-                        best = hit;
-                        ray.t_max = hit.t;
-                    }
-                    ControlFlow::Continue(())
-                });
-                best
-            }
-
-            fn all<F: CandidateFilter>(
-                &self,
-                index: u32,
-                original: &Ray,
-                options: &TraceOptions,
-                filter: &F,
-                hits: &mut Vec<Hit>,
-            ) {
-                let start = hits.len();
-                let mut ray = *original;
-                let _ = $visit(self, &mut ray, options, &mut |_: &mut Ray, hit: Hit, opaque| {
-                    if !F::ACTIVE || opaque || filter.accept(index, original, &hit) {
-                        hits.push(hit);
-                    }
-                    ControlFlow::Continue(())
-                });
-                hits[start..].sort_unstable_by(|a, b| {
-                    if a.precedes(b) {
-                        std::cmp::Ordering::Less
-                    } else {
-                        std::cmp::Ordering::Greater
-                    }
-                });
+                let (mut offsets, mut hits) = (Vec::with_capacity(rays.len() + 1), vec![]);
+                offsets.push(0);
+                let answers = EveryHit { offsets: &mut offsets, hits: &mut hits };
+                run(self, rays, options, filter, &mut uncounted(rays), answers);
+                AllHits { offsets, hits }
             }
         }
     };
 }
 
-queries!(Blas, |blas: &Blas, ray, options: &TraceOptions, visitor| blas.visit(
-    ray,
-    options.cull,
-    visitor
-));
-queries!(Tlas, Tlas::visit);
-
+queries!(Blas);
+queries!(Tlas);
 #[cfg(test)]
 mod tests {
     use std::sync::Arc;

@@ -1,22 +1,59 @@
 //! A top-level structure: instances of BLASes in the world.
+//!
+//! A ray is transformed into an instance's space without normalising, so `t` keeps its meaning. The
+//! transform is wrong by rounding: a point `p` of the ray, with `W` the inverse rounded to `f32`,
+//! ends up off by at most `5ε(|W|(|o| + |p − o|) + |W·T|)` in object space, which is
+//! `5ε·κ·(|o| + |p − o| + |T|)` in the world with `κ = ‖|M||W|‖∞` (1 without rotation, at most 3 for
+//! rotations). Traversal widens the instances' boxes by `8ε` times that, so an instance that the
+//! transformed ray hits is never skipped.
 
-use std::{ops::ControlFlow, sync::Arc};
+use std::{ops::ControlFlow, sync::Arc, time::Instant};
 
-use glam::Affine3A;
-use rayburst_math::{Aabb, Hit, HitKind, Ray};
+use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
+use rayburst_math::{Aabb, Hit, Ray};
+use rayburst_simd::{Isa, IsaLevel};
+use rayon::prelude::*;
 
 use crate::{
-    Blas, BuildError, BuildOptions, BuildStats, BvhDefect, Cull, Instance, TraceOptions,
+    Blas, BuildError, BuildOptions, BuildStats, BvhDefect, CandidateFilter, Instance, TraceOptions,
     ValidationReport,
+    build::{
+        binned_sah::BinnedSah,
+        primitives::{MAX_PRIMITIVES, PrimitiveRef, is_traceable},
+    },
+    layout::bvh8::{Bvh8, Leaves},
+    structure::{Stacks, Structure},
+    traverse::{
+        closest::Closest,
+        count::Count,
+        prepare::PreparedRay,
+        query::{Asker, Place, Query, trace_blas},
+        walk::walk,
+    },
+    validate,
 };
 
 /// Instances of BLASes, ready to be traced.
 #[derive(Clone, Debug)]
 pub struct Tlas {
+    tree: Bvh8,
     blases: Vec<Arc<Blas>>,
     instances: Vec<Instance>,
     inverses: Vec<Affine3A>,
+    /// The greatest κ of the instances.
+    condition: f32,
+    /// The greatest coordinate of an instance's translation or of the bounds.
+    reach: f32,
     stats: BuildStats,
+    isa: IsaLevel,
+}
+
+/// What the world needs to know of an instance.
+struct Placement {
+    inverse: Affine3A,
+    /// Empty if the instance cannot be hit.
+    bounds: Aabb,
+    condition: f32,
 }
 
 impl Tlas {
@@ -24,20 +61,65 @@ impl Tlas {
     pub fn build(
         blases: Vec<Arc<Blas>>,
         instances: &[Instance],
-        _options: &BuildOptions,
+        options: &BuildOptions,
     ) -> Result<Self, BuildError> {
-        for (i, instance) in instances.iter().enumerate() {
-            if instance.blas as usize >= blases.len() {
-                return Err(BuildError::NoSuchBlas {
-                    instance: i as u32,
-                    blas: instance.blas,
-                    blases: blases.len(),
-                });
-            }
+        let begin = Instant::now();
+        let isa = options.resolve_isa()?;
+        if instances.len() > MAX_PRIMITIVES {
+            let (count, limit) = (instances.len(), MAX_PRIMITIVES);
+            return Err(BuildError::TooMany { what: "instances", count, limit });
         }
-        let inverses: Vec<_> = instances.iter().map(|i| i.transform.inverse()).collect();
-        let stats = BuildStats { primitives: instances.len(), ..Default::default() };
-        Ok(Self { blases, instances: instances.to_vec(), inverses, stats })
+        let unknown = |instance: &Instance| instance.blas as usize >= blases.len();
+        if let Some(index) = instances.iter().position(unknown) {
+            return Err(BuildError::NoSuchBlas {
+                instance: index as u32,
+                blas: instances[index].blas,
+                blases: blases.len(),
+            });
+        }
+        let placements: Vec<Placement> = instances
+            .par_iter()
+            .with_min_len(256)
+            .map(|instance| place(instance, &blases[instance.blas as usize]))
+            .collect();
+        let placed = || placements.iter().enumerate().filter(|(_, p)| !p.bounds.is_empty());
+        let refs: Vec<PrimitiveRef> =
+            placed().map(|(i, p)| PrimitiveRef::new(&p.bounds, i as u32)).collect();
+        let condition = placed().map(|(_, p)| p.condition).fold(1.0, f32::max);
+        let translation = placed()
+            .map(|(i, _)| Vec3::from(instances[i].transform.translation).abs().max_element())
+            .fold(0.0, f32::max);
+
+        let primitives = refs.len();
+        let binary = BinnedSah { bins: 16, leaf_size: 1 }.build(refs);
+        let tree = Bvh8::collapse(&binary, &InstanceLeaves)?;
+        let bounds = tree.bounds;
+        let corner = if bounds.is_empty() {
+            0.0
+        } else {
+            bounds.lower.abs().max(bounds.upper.abs()).max_element()
+        };
+        let inverses: Vec<_> = placements.into_iter().map(|p| p.inverse).collect();
+        let stats = BuildStats {
+            primitives,
+            inactive: instances.len() - primitives,
+            nodes: tree.shape.nodes,
+            leaves: tree.shape.leaves,
+            depth: tree.shape.depth,
+            sah_cost: tree.shape.sah_cost,
+            bytes: tree.bytes() + size_of_val(instances) + size_of_val(inverses.as_slice()),
+            seconds: begin.elapsed().as_secs_f64(),
+        };
+        Ok(Self {
+            tree,
+            blases,
+            instances: instances.to_vec(),
+            inverses,
+            condition,
+            reach: corner.max(translation),
+            stats,
+            isa,
+        })
     }
 
     /// What the build made.
@@ -47,11 +129,12 @@ impl Tlas {
 
     /// The box around all instances that can be hit, in the world; empty if there are none.
     pub fn bounds(&self) -> Aabb {
-        self.instances.iter().fold(Aabb::EMPTY, |bounds, instance| {
-            bounds.union(
-                self.blases[instance.blas as usize].bounds().transformed(&instance.transform),
-            )
-        })
+        self.tree.bounds
+    }
+
+    /// The instruction set of its kernels.
+    pub fn isa(&self) -> IsaLevel {
+        self.isa
     }
 
     /// The instances as given.
@@ -69,62 +152,141 @@ impl Tlas {
         self.instances[instance as usize].transform
     }
 
-    /// From the world to an instance's space: the inverse by which rays are transformed.
+    /// From the world to an instance's space: the inverse by which rays are transformed. Zero if the
+    /// instance's transform has no inverse.
     pub fn world_to_object(&self, instance: u32) -> Affine3A {
         self.inverses[instance as usize]
     }
 
     /// Proves the structure, not its BLASes.
     pub fn validate(&self) -> Result<ValidationReport, BvhDefect> {
-        Ok(ValidationReport { primitives: self.instances.len(), ..Default::default() })
+        validate::tree(
+            &self.tree,
+            self.instances.len() as u32,
+            self.stats.primitives,
+            InstanceLeaves::HALF_LINES,
+            |value| {
+                let instance = &self.instances[value as usize];
+                vec![(value, place(instance, &self.blases[instance.blas as usize]).bounds)]
+            },
+        )
+    }
+}
+
+/// The inverse of an instance's transform, its box in the world, and its κ.
+fn place(instance: &Instance, blas: &Blas) -> Placement {
+    let never = Placement { inverse: Affine3A::ZERO, bounds: Aabb::EMPTY, condition: 1.0 };
+    let to_world = DAffine3::from_cols(
+        Vec3::from(instance.transform.matrix3.x_axis).as_dvec3(),
+        Vec3::from(instance.transform.matrix3.y_axis).as_dvec3(),
+        Vec3::from(instance.transform.matrix3.z_axis).as_dvec3(),
+        Vec3::from(instance.transform.translation).as_dvec3(),
+    );
+    let to_object = to_world.inverse();
+    let inverse = Affine3A::from_cols(
+        to_object.matrix3.x_axis.as_vec3().into(),
+        to_object.matrix3.y_axis.as_vec3().into(),
+        to_object.matrix3.z_axis.as_vec3().into(),
+        to_object.translation.as_vec3().into(),
+    );
+    if blas.bounds().is_empty() || !to_world.is_finite() || !inverse.is_finite() {
+        return never;
+    }
+    let bounds = world_bounds(&blas.bounds(), &to_world);
+    if !is_traceable(&bounds) {
+        return never;
+    }
+    let product = abs(&to_world.matrix3) * abs(&to_object.matrix3);
+    let rows = product * DVec3::ONE;
+    Placement { inverse, bounds, condition: rows.max_element() as f32 }
+}
+
+fn abs(matrix: &DMat3) -> DMat3 {
+    DMat3::from_cols(matrix.x_axis.abs(), matrix.y_axis.abs(), matrix.z_axis.abs())
+}
+
+/// The box around a transformed box, rounded outwards.
+fn world_bounds(bounds: &Aabb, to_world: &DAffine3) -> Aabb {
+    let (lower, upper) = (bounds.lower.as_dvec3(), bounds.upper.as_dvec3());
+    let centre = to_world.transform_point3(0.5 * (lower + upper));
+    let half = abs(&to_world.matrix3) * (0.5 * (upper - lower));
+    let (least, greatest) = (centre - half, centre + half);
+    Aabb { lower: least.as_vec3().map(f32::next_down), upper: greatest.as_vec3().map(f32::next_up) }
+}
+
+/// Leaves that are instances: the reference says which, and nothing is stored.
+struct InstanceLeaves;
+
+impl Leaves for InstanceLeaves {
+    const HALF_LINES: usize = 0;
+
+    fn place(&self, primitives: &[u32], _: u32) -> u32 {
+        primitives[0]
     }
 
-    pub(crate) fn visit(
+    fn write(&self, _: &[u32], _: &mut [u32]) {}
+}
+
+impl Structure for Tlas {
+    fn isa_level(&self) -> IsaLevel {
+        self.isa
+    }
+
+    #[inline(always)]
+    fn trace<I: Isa, Q: Query, F: CandidateFilter, C: Count>(
         &self,
-        ray: &mut Ray,
+        isa: I,
+        asker: &Asker<'_, F>,
         options: &TraceOptions,
-        visitor: &mut dyn FnMut(&mut Ray, Hit, bool) -> ControlFlow<()>,
+        stacks: &mut Stacks,
+        query: &mut Q,
+        count: &mut C,
     ) -> ControlFlow<()> {
-        if !ray.is_valid() {
+        let ray: &Ray = asker.ray;
+        let slack = 4.0
+            * f32::EPSILON
+            * self.condition
+            * (2.0 * ray.origin.abs().max_element() + 2.0 * self.reach);
+        let bounds = &self.tree.bounds;
+        let Some(world) = PreparedRay::new(ray.origin, ray.direction, bounds, slack) else {
             return ControlFlow::Continue(());
-        }
-        for (index, instance) in self.instances.iter().enumerate() {
+        };
+        let mut span = world.span(ray.t_min, query.t_max());
+        let Stacks { top, bottom } = stacks;
+        let leaf = |index: u32, span: &mut _, count: &mut C| {
+            let instance = &self.instances[index as usize];
             if instance.mask & options.mask == 0 {
-                continue;
+                return ControlFlow::Continue(());
             }
-            let inverse = &self.inverses[index];
-            let mut local = Ray {
-                origin: inverse.transform_point3(ray.origin),
-                direction: inverse.transform_vector3(ray.direction),
-                ..*ray
-            };
-            let cull = match (instance.flags.cull_disable, instance.flags.front_clockwise) {
-                (true, _) => Cull::None,
-                (false, false) => options.cull,
-                (false, true) => match options.cull {
-                    Cull::None => Cull::None,
-                    Cull::Front => Cull::Back,
-                    Cull::Back => Cull::Front,
-                },
-            };
-            self.blases[instance.blas as usize].visit(
-                &mut local,
-                cull,
-                &mut |local, hit, opaque| {
-                    let mut hit = Hit { instance: index as u32, ..hit };
-                    if instance.flags.front_clockwise {
-                        hit.kind = if hit.kind == HitKind::TRIANGLE_FRONT {
-                            HitKind::TRIANGLE_BACK
-                        } else {
-                            HitKind::TRIANGLE_FRONT
-                        };
-                    }
-                    let flow = visitor(ray, hit, instance.flags.force_opaque.unwrap_or(opaque));
-                    local.t_max = ray.t_max;
-                    flow
-                },
-            )?;
+            count.instance();
+            let blas = &self.blases[instance.blas as usize];
+            let inverse = &self.inverses[index as usize];
+            let origin = inverse.transform_point3(ray.origin);
+            let direction = inverse.transform_vector3(ray.direction);
+            let local = Ray { origin, direction, ..*ray };
+            if local.is_valid()
+                && let Some(local) = PreparedRay::new(origin, direction, &blas.bounds(), 0.0)
+            {
+                let place = Place::new(blas, index, instance.flags, options);
+                trace_blas(isa, &place, &local, asker, bottom, query, count)?;
+                if Q::ORDERED {
+                    *span = world.span(ray.t_min, query.t_max());
+                }
+            }
+            ControlFlow::Continue(())
+        };
+        if Q::ORDERED {
+            walk::<I, C, true>(isa, &self.tree, &world.slab, &mut span, top, count, leaf)
+        } else {
+            walk::<I, C, false>(isa, &self.tree, &world.slab, &mut span, top, count, leaf)
         }
-        ControlFlow::Continue(())
+    }
+
+    #[inline(always)]
+    fn finish(&self, closest: &Closest) -> Hit {
+        closest.finish(|instance, triangle| {
+            let instance = &self.instances[instance as usize];
+            self.blases[instance.blas as usize].locate(triangle)
+        })
     }
 }

@@ -6,15 +6,19 @@
 //! of the token, which take and return plain arrays. Every operation of every instruction set gives
 //! the bits of [`Scalar`], unless its documentation says otherwise.
 
+mod boxes;
 mod isa;
 mod level;
 mod scalar;
+mod triangles;
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 
 #[cfg(target_arch = "x86_64")]
 pub use avx2::Avx2;
+pub use boxes::{Boxes8, SlabRay};
 pub use isa::{Isa, Kernel};
 pub use level::{ISA_VARIABLE, IsaError, IsaLevel};
 pub use scalar::Scalar;
+pub use triangles::{ShearRay, TriangleHits, Triangles4};

@@ -1,6 +1,9 @@
 //! The portable instruction set: plain Rust, the oracle of all others.
 
-use crate::{Isa, Kernel};
+use crate::{
+    Boxes8, Isa, Kernel, ShearRay, SlabRay, TriangleHits, Triangles4,
+    triangles::{LARGE, SMALL, decide_exactly, sheared},
+};
 
 /// The token of plain Rust, for every CPU.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -13,4 +16,75 @@ impl Isa for Scalar {
     fn vectorize<K: Kernel>(self, kernel: K) -> K::Output {
         kernel.run(self)
     }
+
+    #[inline(always)]
+    fn slab8(
+        self,
+        boxes: &Boxes8,
+        ray: &SlabRay,
+        t_min: f32,
+        t_max: f32,
+        distances: &mut [f32; 8],
+    ) -> u32 {
+        let (mut near, mut far) = ([t_min; 8], [t_max; 8]);
+        let (inverse, near_offset) = (ray.inverse(), ray.near_offset());
+        let far_offset = ray.far_offset();
+        for axis in 0..3 {
+            let row = ray.near_plane()[axis];
+            let (near_planes, far_planes) = (&boxes.planes[row], &boxes.planes[row ^ 1]);
+            for slot in 0..8 {
+                near[slot] = near[slot].max(near_planes[slot] * inverse[axis] - near_offset[axis]);
+                far[slot] = far[slot].min(far_planes[slot] * inverse[axis] - far_offset[axis]);
+            }
+        }
+        *distances = near;
+        (0..8).fold(0, |mask, slot| mask | (u32::from(near[slot] <= far[slot]) << slot))
+    }
+
+    #[inline(always)]
+    fn triangles4(
+        self,
+        block: &Triangles4,
+        ray: &ShearRay,
+        t_min: f32,
+        t_max: f32,
+        hits: &mut TriangleHits,
+    ) -> u32 {
+        let mut found = TriangleHits::default();
+        for lane in 0..4 {
+            let (ax, ay, az) = sheared(block, ray, 0, lane);
+            let (bx, by, bz) = sheared(block, ray, 1, lane);
+            let (cx, cy, cz) = sheared(block, ray, 2, lane);
+            let u = cx * by - cy * bx;
+            let v = ax * cy - ay * cx;
+            let w = bx * ay - by * ax;
+            let (least, greatest) = (u.min(v).min(w), u.max(v).max(w));
+            if least < 0.0 && greatest > 0.0 {
+                continue;
+            }
+            let det = u + v + w;
+            let size = det.abs();
+            #[allow(clippy::manual_range_contains, reason = "lanes of NaN are not delicate")]
+            let delicate = (size < SMALL) | (size > LARGE);
+            if least == 0.0 || greatest == 0.0 || delicate {
+                decide_exactly(block, ray, lane, t_min, t_max, &mut found);
+                continue;
+            }
+            let t = (u * az + v * bz + w * cz) / det;
+            if t >= t_min && t <= t_max {
+                found.t[lane] = t;
+                found.u[lane] = v / det;
+                found.v[lane] = w / det;
+                found.mask |= 1 << lane;
+                found.front |= u32::from(det > 0.0) << lane;
+            }
+        }
+        if found.mask != 0 {
+            *hits = found;
+        }
+        found.mask
+    }
+
+    #[inline(always)]
+    fn prefetch<T>(self, _: *const T) {}
 }

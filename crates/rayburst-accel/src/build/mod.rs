@@ -1,0 +1,4 @@
+//! Builders: from the boxes of primitives to a binary tree over them.
+
+pub(crate) mod binned_sah;
+pub(crate) mod primitives;

@@ -1,0 +1,326 @@
+//! The 8-wide tree that is traced, and its making from a binary one.
+//!
+//! Wide nodes after Wald, Benthin, Boulos, "Getting rid of packets", 2008, and Dammertz, Hanika,
+//! Keller, "Shallow bounding volume hierarchies", 2008: a node takes in the inner child of largest
+//! area until it has eight children.
+//!
+//! Layout, in cache lines of 64 bytes: a node of four lines, right after it the blocks of its leaves
+//! (2½ lines each), then the subtrees of its inner children. A [`Reference`] counts half lines.
+//! Sizes are counted before anything is written, so subtrees are written in parallel into their
+//! final places.
+
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use bytemuck::{Pod, Zeroable};
+use rayburst_math::Aabb;
+use rayburst_simd::Boxes8;
+use rayon::prelude::*;
+
+use super::{
+    arena::{Line, allocate},
+    bvh2::{Bvh2, Node2},
+};
+use crate::BuildError;
+
+/// A child: an inner node or a leaf.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(transparent)]
+pub(crate) struct Reference(u32);
+
+impl Reference {
+    /// What unused slots hold; their boxes keep rays away.
+    pub(crate) const NONE: Self = Self(u32::MAX);
+    /// The root, which is a node even if there is nothing below it.
+    pub(crate) const ROOT: Self = Self(0);
+
+    const fn node(line: u32) -> Self {
+        Self(line << 2)
+    }
+
+    const fn leaf(value: u32) -> Self {
+        Self(value << 1 | 1)
+    }
+
+    /// Whether it is a leaf.
+    #[inline(always)]
+    pub(crate) const fn is_leaf(self) -> bool {
+        self.0 & 1 != 0
+    }
+
+    /// What [`Leaves::place`] gave to a leaf; half lines from the start to a node.
+    #[inline(always)]
+    pub(crate) const fn value(self) -> u32 {
+        self.0 >> 1
+    }
+}
+
+/// A node: 256 bytes.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C, align(64))]
+pub(crate) struct Node8 {
+    pub(crate) boxes: Boxes8,
+    pub(crate) children: [Reference; 8],
+    spare: [u32; 8],
+}
+
+const NODE_LINES: usize = size_of::<Node8>() / size_of::<Line>();
+
+/// How leaves are stored.
+pub(crate) trait Leaves: Sync {
+    /// Half lines that a leaf takes after its node.
+    const HALF_LINES: usize;
+
+    /// The value of the reference to a leaf of these primitives stored `half_line` half lines from
+    /// the start.
+    fn place(&self, primitives: &[u32], half_line: u32) -> u32;
+
+    /// Writes the leaf.
+    fn write(&self, primitives: &[u32], words: &mut [u32]);
+}
+
+/// The 8-wide tree.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Bvh8 {
+    lines: Vec<Line>,
+    pub(crate) bounds: Aabb,
+    pub(crate) shape: Shape,
+}
+
+/// What a tree consists of.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Shape {
+    pub(crate) nodes: usize,
+    pub(crate) leaves: usize,
+    pub(crate) depth: usize,
+    /// Areas of all nodes and leaves in units of the root's.
+    pub(crate) sah_cost: f32,
+}
+
+/// How many levels from the root are worked on by several tasks.
+const PARALLEL_LEVELS: usize = 3;
+
+impl Bvh8 {
+    /// Makes the wide tree from a binary one.
+    pub(crate) fn collapse<L: Leaves>(tree: &Bvh2, leaves: &L) -> Result<Self, BuildError> {
+        let sizes = tree.nodes.iter().map(|_| AtomicU32::new(0)).collect();
+        let writer = Writer { tree, leaves, sizes };
+        if tree.nodes.is_empty() {
+            let mut lines = allocate(NODE_LINES)?;
+            let node =
+                Node8 { boxes: Boxes8::EMPTY, children: [Reference::NONE; 8], spare: [0; 8] };
+            lines.copy_from_slice(bytemuck::cast_slice(&[node]));
+            let shape = Shape { nodes: 1, depth: 1, ..Shape::default() };
+            return Ok(Self { lines, bounds: Aabb::EMPTY, shape });
+        }
+        let bounds = tree.nodes[0].bounds;
+        let plan = writer.plan(0, 0);
+        let mut lines = allocate(plan.lines)?;
+        writer.write(0, 0, &mut lines, 0);
+        let sah_cost = plan.area / f64::from(bounds.half_area()).max(f64::MIN_POSITIVE);
+        Ok(Self { lines, bounds, shape: Shape { sah_cost: sah_cost as f32, ..plan.shape } })
+    }
+
+    /// Bytes taken.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(self.lines.as_slice())
+    }
+
+    /// Half lines in all.
+    pub(crate) fn half_lines(&self) -> usize {
+        self.lines.len() * 2
+    }
+
+    /// The address of what is stored some half lines from the start, for prefetching.
+    #[inline(always)]
+    pub(crate) fn address(&self, half_line: u32) -> *const u8 {
+        self.lines.as_ptr().cast::<u8>().wrapping_add(half_line as usize * 32)
+    }
+
+    /// An inner node.
+    #[inline(always)]
+    pub(crate) fn node(&self, reference: Reference) -> &Node8 {
+        debug_assert!(!reference.is_leaf());
+        // SAFETY: references to inner nodes come only from `Writer::write`, which put a node of four
+        // lines there; the lines have a node's alignment and live as long as `self`.
+        unsafe { self.block(reference.value()) }
+    }
+
+    /// What is stored some half lines from the start.
+    ///
+    /// # Safety
+    /// A `T` that ends within the structure must be stored there, at its alignment.
+    #[inline(always)]
+    pub(crate) unsafe fn block<T: Pod>(&self, half_line: u32) -> &T {
+        debug_assert!(half_line as usize * 32 + size_of::<T>() <= self.bytes());
+        let address = self.address(half_line).cast::<T>();
+        debug_assert!(address.is_aligned());
+        // SAFETY: the caller's promise; every bit pattern is a `T`.
+        unsafe { &*address }
+    }
+}
+
+impl Bvh8 {
+    /// Calls a function with the value of every leaf.
+    pub(crate) fn for_each_leaf(&self, mut leaf: impl FnMut(u32)) {
+        let mut stack = vec![Reference::ROOT];
+        while let Some(reference) = stack.pop() {
+            for child in self.node(reference).children {
+                if child.is_leaf() && child != Reference::NONE {
+                    leaf(child.value());
+                } else if child != Reference::NONE {
+                    stack.push(child);
+                }
+            }
+        }
+    }
+}
+
+/// What a subtree needs and consists of.
+struct Plan {
+    lines: usize,
+    area: f64,
+    shape: Shape,
+}
+
+struct Writer<'a, L> {
+    tree: &'a Bvh2,
+    leaves: &'a L,
+    /// Lines of the subtree of each binary node that becomes the root of a wide one.
+    sizes: Vec<AtomicU32>,
+}
+
+/// Up to eight binary nodes that become the children of a wide one.
+#[derive(Default)]
+struct Children {
+    nodes: [u32; 8],
+    count: usize,
+}
+
+impl Children {
+    fn as_slice(&self) -> &[u32] {
+        &self.nodes[..self.count]
+    }
+}
+
+impl<L: Leaves> Writer<'_, L> {
+    fn node(&self, index: u32) -> &Node2 {
+        &self.tree.nodes[index as usize]
+    }
+
+    fn primitives(&self, node: &Node2) -> &[u32] {
+        &self.tree.order[node.first as usize..][..node.count as usize]
+    }
+
+    /// Takes in the inner child of largest area until there are eight children.
+    fn children(&self, root: u32) -> Children {
+        let mut children = Children { nodes: [root; 8], count: 1 };
+        let mut opened = Some(0);
+        while let Some(slot) = opened.filter(|&slot| !self.node(children.nodes[slot]).is_leaf()) {
+            let first = self.node(children.nodes[slot]).first;
+            children.nodes[slot] = first;
+            children.nodes[children.count] = first + 1;
+            children.count += 1;
+            if children.count == 8 {
+                break;
+            }
+            let mut largest = f32::NEG_INFINITY;
+            opened = None;
+            for (slot, &child) in children.as_slice().iter().enumerate() {
+                let node = self.node(child);
+                if !node.is_leaf() && node.bounds.half_area() > largest {
+                    largest = node.bounds.half_area();
+                    opened = Some(slot);
+                }
+            }
+        }
+        children
+    }
+
+    fn leaf_lines(leaves: usize) -> usize {
+        (leaves * L::HALF_LINES).div_ceil(2)
+    }
+
+    /// Counts what the subtree of a wide node needs, and notes its lines.
+    fn plan(&self, root: u32, level: usize) -> Plan {
+        let children = self.children(root);
+        let inner: Vec<u32> =
+            children.as_slice().iter().copied().filter(|&c| !self.node(c).is_leaf()).collect();
+        let leaves = children.count - inner.len();
+        let plans: Vec<Plan> = if level < PARALLEL_LEVELS {
+            inner.par_iter().map(|&child| self.plan(child, level + 1)).collect()
+        } else {
+            inner.iter().map(|&child| self.plan(child, level + 1)).collect()
+        };
+        let leaf_area = |&child: &u32| {
+            let node = self.node(child);
+            if node.is_leaf() { f64::from(node.bounds.half_area()) } else { 0.0 }
+        };
+        let area = f64::from(self.node(root).bounds.half_area())
+            + children.as_slice().iter().map(leaf_area).sum::<f64>();
+        let shape = Shape { nodes: 1, leaves, depth: 1, sah_cost: 0.0 };
+        let own = Plan { lines: NODE_LINES + Self::leaf_lines(leaves), area, shape };
+        let plan = plans.iter().fold(own, |sum, plan| Plan {
+            lines: sum.lines + plan.lines,
+            area: sum.area + plan.area,
+            shape: Shape {
+                nodes: sum.shape.nodes + plan.shape.nodes,
+                leaves: sum.shape.leaves + plan.shape.leaves,
+                depth: sum.shape.depth.max(plan.shape.depth + 1),
+                sah_cost: 0.0,
+            },
+        });
+        // More than fits is refused before anything is written.
+        let lines = u32::try_from(plan.lines).unwrap_or(u32::MAX);
+        self.sizes[root as usize].store(lines, Ordering::Relaxed);
+        plan
+    }
+
+    /// Writes the subtree of a wide node, whose lines start `at` lines from the start.
+    fn write(&self, root: u32, at: usize, lines: &mut [Line], level: usize) {
+        let children = self.children(root);
+        let leaves = children.as_slice().iter().filter(|&&c| self.node(c).is_leaf()).count();
+        let (node_lines, rest) = lines.split_at_mut(NODE_LINES);
+        let (leaf_lines, mut rest) = rest.split_at_mut(Self::leaf_lines(leaves));
+        let leaf_words: &mut [u32] = bytemuck::cast_slice_mut(leaf_lines);
+
+        let mut node =
+            Node8 { boxes: Boxes8::EMPTY, children: [Reference::NONE; 8], spare: [0; 8] };
+        let mut half_line = 2 * (at + NODE_LINES);
+        let mut child_at = at + NODE_LINES + Self::leaf_lines(leaves);
+        let mut words = leaf_words;
+        let mut subtrees = Vec::with_capacity(8);
+        for (slot, &child) in children.as_slice().iter().enumerate() {
+            let source = self.node(child);
+            for axis in 0..3 {
+                node.boxes.planes[2 * axis][slot] = source.bounds.lower[axis];
+                node.boxes.planes[2 * axis + 1][slot] = source.bounds.upper[axis];
+            }
+            if source.is_leaf() {
+                let primitives = self.primitives(source);
+                let value = self.leaves.place(primitives, half_line as u32);
+                node.children[slot] = Reference::leaf(value);
+                let (own, others) = words.split_at_mut(8 * L::HALF_LINES);
+                self.leaves.write(primitives, own);
+                words = others;
+                half_line += L::HALF_LINES;
+            } else {
+                let size = self.sizes[child as usize].load(Ordering::Relaxed) as usize;
+                let (own, others) = rest.split_at_mut(size);
+                node.children[slot] = Reference::node(child_at as u32);
+                subtrees.push((child, child_at, own));
+                rest = others;
+                child_at += size;
+            }
+        }
+        node_lines.copy_from_slice(bytemuck::cast_slice(std::slice::from_ref(&node)));
+        if level < PARALLEL_LEVELS {
+            subtrees
+                .into_par_iter()
+                .for_each(|(child, at, lines)| self.write(child, at, lines, level + 1));
+        } else {
+            for (child, at, lines) in subtrees {
+                self.write(child, at, lines, level + 1);
+            }
+        }
+    }
+}

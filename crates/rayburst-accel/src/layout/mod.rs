@@ -1,0 +1,6 @@
+//! Memory layouts of the trees.
+
+pub(crate) mod arena;
+pub(crate) mod bvh2;
+pub(crate) mod bvh8;
+pub(crate) mod triangles;

@@ -1,0 +1,40 @@
+//! Whether there is a hit: the first one found ends the search.
+
+use std::ops::ControlFlow;
+
+use rayburst_math::Ray;
+
+use super::query::{Candidate, Place, Query};
+
+/// Whether something was hit.
+pub(crate) struct Any {
+    t_max: f32,
+    pub(crate) found: bool,
+}
+
+impl Any {
+    #[inline(always)]
+    pub(crate) fn new(ray: &Ray) -> Self {
+        Self { t_max: ray.t_max, found: false }
+    }
+}
+
+impl Query for Any {
+    const ORDERED: bool = false;
+
+    #[inline(always)]
+    fn t_max(&self) -> f32 {
+        self.t_max
+    }
+
+    #[inline(always)]
+    fn wants(&self, _: &Candidate, _: &Place<'_>) -> bool {
+        true
+    }
+
+    #[inline(always)]
+    fn take(&mut self, _: &Candidate, _: &Place<'_>) -> ControlFlow<()> {
+        self.found = true;
+        ControlFlow::Break(())
+    }
+}

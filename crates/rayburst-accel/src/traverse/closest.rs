@@ -1,0 +1,78 @@
+//! The nearest hit; at equal distance the one of smallest indices.
+
+use std::ops::ControlFlow;
+
+use rayburst_math::{Hit, HitKind, Ray};
+
+use super::query::{Candidate, Place, Query};
+
+/// The best candidate so far.
+pub(crate) struct Closest {
+    t: f32,
+    u: f32,
+    v: f32,
+    /// Instance and triangle, in the order in which they win.
+    key: u64,
+    front: bool,
+}
+
+/// Comes after every triangle.
+const NO_KEY: u64 = u64::MAX;
+
+#[inline(always)]
+fn key(candidate: &Candidate, place: &Place<'_>) -> u64 {
+    u64::from(place.instance) << 32 | u64::from(candidate.triangle)
+}
+
+impl Closest {
+    #[inline(always)]
+    pub(crate) fn new(ray: &Ray) -> Self {
+        Self { t: ray.t_max, u: 0.0, v: 0.0, key: NO_KEY, front: false }
+    }
+
+    /// The hit; `locate` gives the geometry and primitive of an instance's triangle.
+    #[inline(always)]
+    pub(crate) fn finish(&self, locate: impl FnOnce(u32, u32) -> (u32, u32)) -> Hit {
+        if self.key == NO_KEY {
+            return Hit::MISS;
+        }
+        let instance = (self.key >> 32) as u32;
+        let (geometry, primitive) = locate(instance, self.key as u32);
+        Hit {
+            t: self.t,
+            u: self.u,
+            v: self.v,
+            primitive,
+            geometry,
+            instance,
+            kind: if self.front { HitKind::TRIANGLE_FRONT } else { HitKind::TRIANGLE_BACK },
+            reserved: 0,
+        }
+    }
+}
+
+impl Query for Closest {
+    const ORDERED: bool = true;
+
+    #[inline(always)]
+    fn t_max(&self) -> f32 {
+        self.t
+    }
+
+    #[inline(always)]
+    fn wants(&self, candidate: &Candidate, place: &Place<'_>) -> bool {
+        candidate.t < self.t || (candidate.t == self.t && key(candidate, place) < self.key)
+    }
+
+    #[inline(always)]
+    fn take(&mut self, candidate: &Candidate, place: &Place<'_>) -> ControlFlow<()> {
+        *self = Self {
+            t: candidate.t,
+            u: candidate.u,
+            v: candidate.v,
+            key: key(candidate, place),
+            front: candidate.front,
+        };
+        ControlFlow::Continue(())
+    }
+}

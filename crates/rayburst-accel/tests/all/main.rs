@@ -1,0 +1,12 @@
+//! Tests of the structures against brute force in `f64`, and of the rules that hold for every
+//! structure.
+
+#![allow(unreachable_pub)] // one binary: nothing is reachable from outside
+
+mod build;
+mod instances;
+mod meshes;
+mod oracle;
+mod oracle_tests;
+mod rules;
+mod watertight;

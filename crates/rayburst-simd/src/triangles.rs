@@ -1,0 +1,141 @@
+//! Four triangles and the ray that meets them: the watertight triangle test.
+//!
+//! After Woop, Benthin, Wald: "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013. The vertices
+//! are moved to the ray's origin and sheared so that the ray runs along +z; three edge functions then
+//! decide. Two triangles that share an edge compute the same sheared vertices, and `a·b − c·d` rounded
+//! term by term has the sign of its exact value or is zero, so only zeros need care: they are decided
+//! in `f64`, where products of `f32` are exact. (A fused multiply-add would break this; none is used,
+//! and so all instruction sets give the same bits.)
+//!
+//! Changed: `f64` also takes over where determinants come near the ends of `f32`'s range, and the
+//! distance is divided rather than multiplied by a reciprocal.
+
+use bytemuck::{Pod, Zeroable};
+
+/// Four triangles, `vertices[corner][axis][lane]`. The lanes that are not used hold NaN.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C, align(32))]
+pub struct Triangles4 {
+    /// The corners.
+    pub vertices: [[[f32; 4]; 3]; 3],
+    /// What the triangles are, as their owner likes.
+    pub ids: [u32; 4],
+}
+
+/// A ray prepared for [`Triangles4`].
+#[derive(Clone, Copy, Debug)]
+pub struct ShearRay {
+    origin: [f32; 3],
+    axes: [usize; 3],
+    shear: [f32; 3],
+}
+
+impl ShearRay {
+    /// From an origin and a direction whose longest component is neither huge nor tiny.
+    #[inline(always)]
+    pub fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
+        let [x, y, z] = direction.map(f32::abs);
+        let kz = if x >= y && x >= z {
+            0
+        } else if y >= z {
+            1
+        } else {
+            2
+        };
+        let (next, last) = ((kz + 1) % 3, (kz + 2) % 3);
+        // Swapping keeps the winding, and with it the sign of the determinant.
+        let (kx, ky) = if direction[kz] < 0.0 { (last, next) } else { (next, last) };
+        let shear =
+            [direction[kx] / direction[kz], direction[ky] / direction[kz], 1.0 / direction[kz]];
+        Self { origin, axes: [kx, ky, kz], shear }
+    }
+
+    /// The origin.
+    #[inline(always)]
+    pub fn origin(&self) -> [f32; 3] {
+        self.origin
+    }
+
+    /// The axes that become x, y and z, each less than three.
+    #[inline(always)]
+    pub fn axes(&self) -> [usize; 3] {
+        self.axes
+    }
+
+    /// Shears of x and y, scale of z.
+    #[inline(always)]
+    pub fn shear(&self) -> [f32; 3] {
+        self.shear
+    }
+}
+
+/// Where a ray meets [`Triangles4`]; lanes without a hit hold anything.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct TriangleHits {
+    /// Distance in units of the prepared direction.
+    pub t: [f32; 4],
+    /// Barycentric coordinate of the second corner.
+    pub u: [f32; 4],
+    /// Barycentric coordinate of the third corner.
+    pub v: [f32; 4],
+    /// Lanes that are hit, as bits.
+    pub mask: u32,
+    /// Lanes that wind counter-clockwise seen from the origin, as bits.
+    pub front: u32,
+}
+
+/// Determinants of smaller magnitude are evaluated in `f64`.
+pub(crate) const SMALL: f32 = f32::from_bits((127 - 100) << 23);
+/// Determinants of larger magnitude are evaluated in `f64`.
+pub(crate) const LARGE: f32 = f32::from_bits((127 + 60) << 23);
+
+/// The sheared corner of one lane: x, y, and z scaled to the ray's distance.
+#[inline(always)]
+pub(crate) fn sheared(
+    block: &Triangles4,
+    ray: &ShearRay,
+    corner: usize,
+    lane: usize,
+) -> (f32, f32, f32) {
+    let vertex = &block.vertices[corner];
+    let relative = |k: usize| vertex[ray.axes[k]][lane] - ray.origin[ray.axes[k]];
+    let z = relative(2);
+    (relative(0) - ray.shear[0] * z, relative(1) - ray.shear[1] * z, ray.shear[2] * z)
+}
+
+/// Decides one lane in `f64` from the same sheared corners, replacing what `hits` says of it.
+#[cold]
+#[inline(never)]
+pub(crate) fn decide_exactly(
+    block: &Triangles4,
+    ray: &ShearRay,
+    lane: usize,
+    t_min: f32,
+    t_max: f32,
+    hits: &mut TriangleHits,
+) {
+    let corner = |i| {
+        let (x, y, z) = sheared(block, ray, i, lane);
+        (f64::from(x), f64::from(y), f64::from(z))
+    };
+    let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (corner(0), corner(1), corner(2));
+    let u = cx * by - cy * bx;
+    let v = ax * cy - ay * cx;
+    let w = bx * ay - by * ax;
+    let bit = 1 << lane;
+    hits.mask &= !bit;
+    hits.front &= !bit;
+    let mixed = u.min(v).min(w) < 0.0 && u.max(v).max(w) > 0.0;
+    let det = u + v + w;
+    if mixed || det == 0.0 {
+        return;
+    }
+    let t = ((u * az + v * bz + w * cz) / det) as f32;
+    if t >= t_min && t <= t_max {
+        hits.t[lane] = t;
+        hits.u[lane] = (v / det) as f32;
+        hits.v[lane] = (w / det) as f32;
+        hits.mask |= bit;
+        hits.front |= if det > 0.0 { bit } else { 0 };
+    }
+}
