@@ -21,6 +21,7 @@ pub mod tonemap;
 pub use error::{ImageError, Result};
 pub use falsecolour::ColourMap;
 pub use file::exr::{decode_exr, encode_exr, read_exr, write_exr};
+pub use file::gif::write_gif;
 pub use file::hdr::{decode_hdr, read_hdr, write_hdr};
 pub use file::png::{decode_ldr, read_ldr, write_png, write_png16};
 pub use file::{PictureFormat, atomic_write, decode_picture, read_picture, write_linear};

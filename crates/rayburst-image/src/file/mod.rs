@@ -2,6 +2,7 @@
 
 pub mod atomic;
 pub mod exr;
+pub mod gif;
 pub mod hdr;
 pub mod pfm;
 pub mod png;
