@@ -1,4 +1,6 @@
 //! Integration tests: files in, scenes out.
 #![allow(clippy::print_stderr)]
 
+mod glb;
 mod gltf;
+mod gltf_values;
