@@ -3,4 +3,5 @@
 
 mod glb;
 mod gltf;
+mod gltf_broken;
 mod gltf_values;
