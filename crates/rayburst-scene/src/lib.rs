@@ -4,6 +4,7 @@
 //! cameras, animations. One instant of it is flattened to plain data, ready to be traced and shaded.
 #![forbid(unsafe_code)]
 
+pub mod alpha;
 pub mod bsdf;
 pub mod builtin;
 pub mod camera;
@@ -12,25 +13,32 @@ pub mod environment;
 pub mod flatten;
 pub mod import;
 pub mod light;
+pub mod light_sampler;
 pub mod material;
 pub mod mesh;
 pub mod pose;
 pub mod scene;
+pub mod shading_point;
 pub mod shapes;
 pub mod sky;
 pub mod surface;
 pub mod tangents;
 pub mod texture;
+pub mod texture_lookup;
 
+pub use alpha::AlphaFilter;
 pub use bsdf::{Bsdf, BsdfSample, SpecularPath};
 pub use camera::{Camera, Projection};
 pub use environment::Environment;
 pub use flatten::{FlatGeometry, FlatInstance, FlatScene, FlattenError, Flattener};
 pub use light::{Light, LightKind};
+pub use light_sampler::{Arrival, LightSample, LightSampler};
 pub use material::{AlphaMode, Material, ShadingModel, TextureSlot};
 pub use mesh::{Mesh, MorphTarget, Primitive, VertexSkin};
 pub use pose::Pose;
 pub use scene::{LocalTransform, Node, Scene, SceneCamera, Skin, View};
+pub use shading_point::{ShadingOptions, ShadingPoint};
 pub use sky::Sky;
 pub use surface::Surface;
 pub use texture::{FilterMode, Texture, WrapMode};
+pub use texture_lookup::TextureLod;

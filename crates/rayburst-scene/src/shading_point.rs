@@ -1,0 +1,231 @@
+//! What a surface looks like at a hit: its material's textures looked up, the normal mapped, the
+//! scattering model made.
+//!
+//! Shading normals (interpolated or mapped) may make mirror directions point into the surface. Such
+//! normals are bent just far enough that the mirror direction of the view leaves the surface
+//! (Keller, Wächter, Raab, Seibert, van Antwerpen, Korndörfer, Kettner: "The Iray Light Transport
+//! Simulation and Rendering System", 2017, section A.3): no black rims. Normals that already do are
+//! not changed.
+
+use glam::{Vec2, Vec3};
+use rayburst_math::Frame;
+
+use crate::{
+    Bsdf, BsdfSample, FlatScene, Material, ShadingModel, Surface, TextureSlot,
+    texture_lookup::TextureLod,
+};
+
+/// How surfaces are shaded.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShadingOptions {
+    /// How mip levels are found.
+    pub lod: TextureLod,
+    /// Whether rough surfaces give back the light that single scattering between microfacets loses.
+    pub energy_compensation: bool,
+}
+
+impl Default for ShadingOptions {
+    fn default() -> Self {
+        Self { lod: TextureLod::Cones, energy_compensation: true }
+    }
+}
+
+/// A point of a surface ready for light to be scattered. `wo` and `wi` are unit vectors in the world
+/// that leave the point.
+#[derive(Clone, Copy, Debug)]
+pub struct ShadingPoint {
+    /// The scattering, in `frame`.
+    pub bsdf: Bsdf,
+    /// Frame around the shading normal, on the side of `wo`.
+    pub frame: Frame,
+    /// Radiance that leaves towards `wo`, cd/m².
+    pub emitted: Vec3,
+    /// Base colour: textures, factors and vertex colours multiplied.
+    pub base_color: Vec3,
+    /// Metalness after textures.
+    pub metallic: f32,
+    /// Perceptual roughness after textures.
+    pub roughness: f32,
+}
+
+impl ShadingPoint {
+    /// f·|cos θᵢ| and the density of sampling `wi`, see [`Bsdf::evaluate_with_pdf`].
+    #[inline]
+    pub fn evaluate(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
+        self.bsdf.evaluate_with_pdf(self.frame.to_local(wo), self.frame.to_local(wi))
+    }
+
+    /// A direction in the world for a ray to go on, see [`Bsdf::sample`].
+    #[inline]
+    pub fn sample(&self, wo: Vec3, u: Vec3) -> Option<BsdfSample> {
+        let sample = self.bsdf.sample(self.frame.to_local(wo), u)?;
+        Some(BsdfSample { wi: self.frame.to_world(sample.wi).normalize(), ..sample })
+    }
+}
+
+/// Least cosine that footprints are stretched by.
+const GRAZING: f32 = 0.05;
+
+impl FlatScene {
+    /// The material at a surface as seen from the unit direction `wo`. `cone_width` is the diameter
+    /// of the ray's cone at the surface, world units.
+    ///
+    /// The footprint on the surface is the cone's section; textures are averaged over a square of the
+    /// same area, which blurs grazing views less than one of the section's length would.
+    pub fn shading_point(
+        &self,
+        surface: &Surface,
+        wo: Vec3,
+        cone_width: f32,
+        options: &ShadingOptions,
+    ) -> ShadingPoint {
+        let material = &self.materials[surface.material as usize];
+        let facing = surface.geometric_normal.dot(wo).abs();
+        let stretch = match options.lod {
+            TextureLod::Mip0 => 0.0,
+            TextureLod::Cones => cone_width / facing.max(GRAZING).sqrt(),
+        };
+        let lookup = |slot: &TextureSlot| {
+            let set = slot.uv_set.min(1) as usize;
+            self.texture(slot, surface.uv[set], stretch * surface.uv_density[set].sqrt())
+        };
+
+        let [r, g, b, _] = material.base_color;
+        let mut base_color = Vec3::new(r, g, b) * surface.color.truncate();
+        if material.base_color_texture.index().is_some() {
+            base_color *= lookup(&material.base_color_texture).truncate();
+        }
+        let (mut metallic, mut roughness) = (material.metallic, material.roughness);
+        if material.metallic_roughness_texture.index().is_some() {
+            let texel = lookup(&material.metallic_roughness_texture);
+            roughness *= texel.y;
+            metallic *= texel.z;
+        }
+        let mut emitted = Vec3::ZERO;
+        if material.is_emissive() && (surface.front || material.is_double_sided()) {
+            emitted = Vec3::from_array(material.emissive);
+            if material.emissive_texture.index().is_some() {
+                emitted *= lookup(&material.emissive_texture).truncate();
+            }
+        }
+        let bsdf = match material.model() {
+            ShadingModel::MetallicRoughness => Bsdf::metallic_roughness(
+                base_color,
+                metallic,
+                roughness,
+                material.ior,
+                options.energy_compensation,
+            ),
+            ShadingModel::Dielectric => {
+                let ior = material.ior.max(1.0);
+                let eta = if surface.front { 1.0 / ior } else { ior };
+                // What passes through a solid meets two interfaces.
+                Bsdf::interface(eta, base_color.max(Vec3::ZERO).map(f32::sqrt))
+            }
+            ShadingModel::Mirror => Bsdf::mirror(base_color),
+            ShadingModel::Unlit => {
+                emitted += base_color;
+                Bsdf::BLACK
+            }
+        };
+
+        let mut normal = surface.shading_normal;
+        if material.normal_texture.index().is_some() && surface.tangent.truncate() != Vec3::ZERO {
+            let texel = lookup(&material.normal_texture).truncate();
+            normal = mapped_normal(surface, material, texel);
+        }
+        let geometric = surface.normal_towards(wo);
+        if geometric != surface.geometric_normal {
+            normal = -normal;
+        }
+        let normal = bend(normal, geometric, wo);
+        let frame = Frame::from_normal(normal);
+        let bsdf = bsdf.with_geometric_normal(frame.to_local(geometric));
+        ShadingPoint { bsdf, frame, emitted, base_color, metallic, roughness }
+    }
+}
+
+/// The normal of a normal map's texel in the world, on the front side.
+fn mapped_normal(surface: &Surface, material: &Material, texel: Vec3) -> Vec3 {
+    let sign = if surface.tangent.w < 0.0 { -1.0 } else { 1.0 };
+    let frame = Frame::from_normal_tangent(surface.shading_normal, surface.tangent.truncate());
+    let local = 2.0 * texel - Vec3::ONE;
+    let slope = local.truncate() * material.normal_scale * Vec2::new(1.0, sign);
+    frame.to_world(slope.extend(local.z)).normalize_or(surface.shading_normal)
+}
+
+/// The normal nearest to `normal` for which the mirror direction of `wo` is above the surface, whose
+/// normal on the side of `wo` is `geometric`.
+fn bend(normal: Vec3, geometric: Vec3, wo: Vec3) -> Vec3 {
+    let reflected = 2.0 * normal.dot(wo) * normal - wo;
+    let least = (0.9 * geometric.dot(wo)).clamp(1e-4, 0.01);
+    let height = reflected.dot(geometric);
+    if height >= least {
+        return normal;
+    }
+    let lifted = (reflected + (least - height) * geometric).normalize_or(geometric);
+    (lifted + wo).normalize_or(geometric)
+}
+
+#[cfg(test)]
+mod tests {
+    use rayburst_math::{hash::Rng, warp};
+
+    use super::*;
+
+    #[test]
+    fn bent_normals_reflect_off_the_surface_and_good_ones_stay() {
+        let mut rng = Rng::new(12);
+        let geometric = Vec3::new(0.6, 0.64, 0.48);
+        let frame = Frame::from_normal(geometric);
+        let (mut bent, mut kept) = (0, 0);
+        for _ in 0..20_000 {
+            let wo = frame.to_world(warp::uniform_hemisphere(rng.vec2()));
+            let normal = frame.to_world(warp::uniform_hemisphere(rng.vec2()));
+            if geometric.dot(wo) < 2e-4 {
+                continue;
+            }
+            let n = bend(normal, geometric, wo);
+            assert!((n.length() - 1.0).abs() < 1e-5 && n.dot(wo) > 0.0, "{n} {wo}");
+            let mirrored = 2.0 * n.dot(wo) * n - wo;
+            assert!(mirrored.dot(geometric) > 0.0, "{mirrored}");
+            let before = 2.0 * normal.dot(wo) * normal - wo;
+            if before.dot(geometric) > 0.01 {
+                assert_eq!(n, normal);
+                kept += 1;
+            } else {
+                bent += 1;
+            }
+        }
+        assert!(bent > 1000 && kept > 1000);
+    }
+
+    fn surface() -> Surface {
+        Surface {
+            position: Vec3::ZERO,
+            error: Vec3::ZERO,
+            geometric_normal: Vec3::Z,
+            shading_normal: Vec3::Z,
+            tangent: Vec3::X.extend(1.0),
+            uv: [Vec2::ZERO; 2],
+            uv_density: [1.0; 2],
+            color: glam::Vec4::ONE,
+            material: 0,
+            node: 0,
+            front: true,
+        }
+    }
+
+    #[test]
+    fn mapped_normals_follow_the_tangent_frame() {
+        let material = Material { normal_scale: 0.5, ..Material::GLTF_DEFAULT };
+        let flat = mapped_normal(&surface(), &material, Vec3::new(0.5, 0.5, 1.0));
+        assert!((flat - Vec3::Z).length() < 1e-6);
+        let texel = Vec3::new(0.8, 0.6, 0.9);
+        let n = mapped_normal(&surface(), &material, texel);
+        assert!((n - Vec3::new(0.3, 0.1, 0.8).normalize()).length() < 1e-6);
+        let mirrored = Surface { tangent: Vec3::X.extend(-1.0), ..surface() };
+        let n = mapped_normal(&mirrored, &material, texel);
+        assert!((n - Vec3::new(0.3, -0.1, 0.8).normalize()).length() < 1e-6);
+    }
+}
