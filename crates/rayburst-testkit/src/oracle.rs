@@ -114,15 +114,30 @@ impl Oracle {
         };
         let least = inside(a, b).min(inside(b, c)).min(inside(c, a));
         let grazing = cosine.abs() / area;
-        // Exactly edge-on there is nothing to hit.
-        if least < -tolerance || cosine == 0.0 {
+        let flattened = [b - a, c - b, a - c].map(|e| (e - d * e.dot(d)).length());
+        let height = cosine.abs() / flattened.into_iter().fold(f64::MIN_POSITIVE, f64::max);
+        let depths = [a, b, c].map(|p| p.dot(d));
+        let nearest = depths.into_iter().fold(f64::MAX, f64::min);
+        let range = depths.into_iter().fold(f64::MIN, f64::max) - nearest;
+        // Barycentric coordinates of a sliver, narrower than the rounding, are arbitrary, and so is
+        // on which side of a triangle that is seen edge-on the ray passes.
+        let edge_on = height <= tolerance;
+        let touches = if edge_on {
+            [(a, b), (b, c), (c, a)].into_iter().any(|(p, q)| beside(p, q, d) <= tolerance)
+        } else {
+            least >= -tolerance
+        };
+        if !touches {
             return;
         }
-        let t = normal.dot(a) / cosine;
-        if !t.is_finite() {
-            return;
-        }
-        let uncertainty = (tolerance / grazing.max(1e-12) + 1e-6 * t.abs()) / length;
+        let (t, uncertainty) = if edge_on {
+            (nearest + 0.5 * range, 0.5 * range + tolerance)
+        } else {
+            let t = normal.dot(a) / cosine;
+            let sliver = (2.0 * tolerance / height).min(1.0) * range;
+            (t, tolerance / grazing + 1e-6 * t.abs() + sliver)
+        };
+        let uncertainty = uncertainty / length;
         let t = t / length;
         let (near, far) = (f64::from(ray.t_min), f64::from(ray.t_max));
         if t < near - uncertainty || t > far + uncertainty {
@@ -132,12 +147,23 @@ impl Oracle {
         let widest = [b - a, c - b, a - c].into_iter().map(|e| e.length()).fold(0.0, f64::max);
         let sure = least > tolerance
             && grazing * widest > 4.0 * tolerance
+            && !edge_on
             && t > near + uncertainty
             && t < far - uncertainty;
         if sure && verdict.certain.is_none_or(|known| t + uncertainty < known) {
             verdict.certain = Some(t + uncertainty);
         }
     }
+}
+
+/// How far from the line through the origin along the unit vector `d` the segment `p q` passes, seen
+/// along the line.
+fn beside(p: DVec3, q: DVec3, d: DVec3) -> f64 {
+    let (p, q) = (p - d * p.dot(d), q - d * q.dot(d));
+    let edge = q - p;
+    let squared = edge.length_squared();
+    let along = if squared > 0.0 { (-p.dot(edge) / squared).clamp(0.0, 1.0) } else { 0.0 };
+    (p + along * edge).length()
 }
 
 impl Block {

@@ -1,0 +1,3 @@
+//! Tests of the structures against the brute-force oracle, and of the benchmarks.
+
+mod oracle;
