@@ -1,6 +1,25 @@
 //! Pictures: files, film, tone maps, mip maps and metrics.
 //!
-//! Radiance is linear Rec. 709 throughout. Pictures in files of 8 or 16 bits are sRGB.
+//! Radiance is linear Rec. 709 throughout; files of 8 or 16 bits hold sRGB. What comes from files
+//! is checked before memory is taken for it, and files are written whole or not at all.
+//!
+//! ```
+//! use rayburst_image::{Dither, Film, ToneMap, exposure, quantise, write_png};
+//! use glam::Vec3;
+//!
+//! # let folder = tempfile::tempdir()?;
+//! # let path = folder.path().join("ramp.png");
+//! let mut film = Film::new(64, 32, &[])?;
+//! for y in 0..32 {
+//!     for x in 0..64 {
+//!         film.add(x, y, Vec3::splat(x as f32), &[]);
+//!     }
+//! }
+//! let picture = film.mean();
+//! let shown = ToneMap::Agx.apply_image(&picture, exposure::auto_exposure(&picture));
+//! write_png(&path, &quantise::to_srgb8(&shown, Dither::Triangular))?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 #![forbid(unsafe_code)]
 
 pub mod colour;

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use glam::Vec3;
+use rayon::prelude::*;
 
 use crate::limits::check_size;
 use crate::{ImageError, Result};
@@ -40,8 +41,8 @@ impl RgbImage {
     }
 
     /// Changes every pixel.
-    pub fn map(mut self, f: impl Fn(Vec3) -> Vec3) -> Self {
-        self.pixels.iter_mut().for_each(|p| *p = f(*p));
+    pub fn map(mut self, f: impl Fn(Vec3) -> Vec3 + Sync) -> Self {
+        self.pixels.par_iter_mut().for_each(|p| *p = f(*p));
         self
     }
 

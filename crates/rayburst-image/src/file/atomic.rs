@@ -113,6 +113,8 @@ mod tests {
         let text = atomic_write(&missing, |_| Ok(())).unwrap_err().to_string();
         assert!(text.contains("does the folder exist"), "{text}");
         assert!(atomic_write(folder.path(), |_| Ok(())).is_err());
+        assert!(atomic_write(Path::new("/"), |_| Ok(())).is_err());
+        assert!(atomic_write(Path::new(""), |_| Ok(())).is_err());
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 
@@ -125,6 +127,14 @@ mod tests {
         assert!(fs::metadata(full).unwrap().file_type().is_char_device());
         atomic_write(Path::new("/dev/null"), |w| w.write_all(b"x")).unwrap();
         assert!(fs::metadata("/dev/null").unwrap().file_type().is_char_device());
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_folder_that_no_one_may_write_to_is_an_error() {
+        // Not even root may create files here.
+        let text = atomic_write(Path::new("/proc/a.png"), |_| Ok(())).unwrap_err().to_string();
+        assert!(text.starts_with("cannot write /proc/a.png: "), "{text}");
     }
 
     #[cfg(unix)]

@@ -48,7 +48,7 @@ impl Film {
         }
         let plane = |name: &str, value: fn(&PixelSum) -> u32| Channel {
             name: name.to_owned(),
-            values: self.rows(|film, x, y| value(film.pixel(x, y)) as f32),
+            values: self.rows(|film, i| value(&film.pixels[i]) as f32),
             precision: Precision::Float,
         };
         let channels = vec![plane("samples", |p| p.samples), plane("dropped", |p| p.dropped)];
@@ -59,7 +59,7 @@ impl Film {
     fn sum_layer(&self, name: &str, sum: impl Fn(&Self, usize) -> Sum) -> Layer {
         let plane = |name: &str, part: fn(Sum) -> f32| Channel {
             name: name.to_owned(),
-            values: self.rows(|film, x, y| part(sum(film, film.index(x, y)))),
+            values: self.rows(|film, i| part(sum(film, i))),
             precision: Precision::Float,
         };
         let channels = vec![plane("hi", |s| s.hi), plane("lo", |s| s.lo)];
@@ -102,26 +102,28 @@ impl Film {
         set: impl Fn(&mut Self, usize, f32),
     ) -> Result<()> {
         let name = format!("{STATE_PREFIX}.{layer}");
-        let values = image.layer(&name).and_then(|l| l.channel(channel)).ok_or_else(|| {
+        let plane = image.layer(&name).and_then(|l| l.channel(channel));
+        let values = plane.filter(|v| v.len() == self.pixels.len()).ok_or_else(|| {
             ImageError::Invalid(format!(
                 "the picture cannot be continued: it has no channel '{name}.{channel}'; render it anew with the same AOVs"
             ))
         })?;
         let counts = layer == "count";
-        for (i, &value) in values.iter().enumerate() {
-            let (x, y) = (i as u32 % self.width, i as u32 / self.width);
-            let good = if counts {
-                value.fract() == 0.0 && (0.0..=MAX_SAMPLES as f32).contains(&value)
-            } else {
-                value.is_finite()
-            };
-            if !good {
-                return Err(ImageError::Invalid(format!(
-                    "the picture cannot be continued: '{name}.{channel}' is {value} at pixel ({x}, {y})"
-                )));
+        let good = |value: &f32| match counts {
+            true => value.fract() == 0.0 && (0.0..=MAX_SAMPLES as f32).contains(value),
+            false => value.is_finite(),
+        };
+        if let Some(bad) = values.iter().position(|v| !good(v)) {
+            let (x, y) = (bad % self.width as usize, bad / self.width as usize);
+            return Err(ImageError::Invalid(format!(
+                "the picture cannot be continued: '{name}.{channel}' is {} at pixel ({x}, {y})",
+                values[bad]
+            )));
+        }
+        for (place, index) in super::tile_rows(self.width, self.height) {
+            for (&value, i) in values[place].iter().zip(index) {
+                set(self, i, value);
             }
-            let index = self.index(x, y);
-            set(self, index, value);
         }
         Ok(())
     }

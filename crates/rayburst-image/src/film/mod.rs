@@ -12,6 +12,8 @@ mod layers;
 mod sum;
 mod tile;
 
+use std::ops::Range;
+
 use glam::Vec3;
 
 pub use layers::STATE_PREFIX;
@@ -205,12 +207,13 @@ impl Film {
 
     /// The picture: each pixel's mean.
     pub fn mean(&self) -> RgbImage {
-        RgbImage::from_fn(self.width, self.height, |x, y| self.pixel(x, y).mean())
+        let pixels = self.rows(|film, i| film.pixels[i].mean());
+        RgbImage { width: self.width, height: self.height, pixels }
     }
 
     /// The variance of each pixel's mean luminance, row by row; infinite under two samples.
     pub fn variance(&self) -> Vec<f32> {
-        self.rows(|film, x, y| film.pixel(x, y).variance().unwrap_or(f32::INFINITY))
+        self.rows(|film, i| film.pixels[i].variance().unwrap_or(f32::INFINITY))
     }
 
     /// One channel of an AOV, row by row: mean or first sample, 0 without samples.
@@ -219,8 +222,7 @@ impl Film {
         let spec = &self.aovs[at];
         (channel < spec.channels.len()).then_some(())?;
         let offset = self.aovs[..at].iter().map(|a| a.channels.len()).sum::<usize>() + channel;
-        Some(self.rows(|film, x, y| {
-            let index = film.index(x, y);
+        Some(self.rows(|film, index| {
             let sum = film.values[index * film.stride + offset];
             match spec.mode {
                 AovMode::First => sum.hi,
@@ -261,10 +263,13 @@ impl Film {
         (sum / n).sqrt() as f32
     }
 
-    fn rows(&self, value: impl Fn(&Self, u32, u32) -> f32) -> Vec<f32> {
-        let mut values = Vec::with_capacity(self.pixels.len());
-        for y in 0..self.height {
-            values.extend((0..self.width).map(|x| value(self, x, y)));
+    /// A plane, row by row, of values that `value` takes from pixels in tile order.
+    fn rows<T: Clone + Default>(&self, value: impl Fn(&Self, usize) -> T) -> Vec<T> {
+        let mut values = vec![T::default(); self.pixels.len()];
+        for (place, index) in tile_rows(self.width, self.height) {
+            for (value_at, i) in values[place].iter_mut().zip(index) {
+                *value_at = value(self, i);
+            }
         }
         values
     }
@@ -278,6 +283,25 @@ impl Film {
         let before = tile_y as usize * self.width as usize + (tile_x * height) as usize;
         before + ((y - tile_y) * width + x - tile_x) as usize
     }
+}
+
+/// Each row of each tile: where it lies in a picture, and where in tile order.
+fn tile_rows(width: u32, height: u32) -> impl Iterator<Item = (Range<usize>, Range<usize>)> {
+    let starts = |end: u32| (0..end).step_by(TILE as usize);
+    let mut index = 0;
+    starts(height)
+        .flat_map(move |tile_y| starts(width).map(move |tile_x| (tile_x, tile_y)))
+        .flat_map(move |(tile_x, tile_y)| {
+            let columns = TILE.min(width - tile_x) as usize;
+            let first = index;
+            let rows = TILE.min(height - tile_y) as usize;
+            index += columns * rows;
+            (0..rows).map(move |row| {
+                let place = (tile_y as usize + row) * width as usize + tile_x as usize;
+                let at = first + row * columns;
+                (place..place + columns, at..at + columns)
+            })
+        })
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ mod neutral;
 mod reinhard;
 
 use glam::Vec3;
+use rayon::prelude::*;
 
 use crate::RgbImage;
 use crate::colour::clamp_bad;
@@ -72,7 +73,7 @@ impl ToneMap {
     /// Exposes a picture by `ev` stops and maps it.
     pub fn apply_image(self, picture: &RgbImage, ev: f32) -> RgbImage {
         let scale = crate::exposure::scale(ev);
-        let pixels = picture.pixels.iter().map(|&p| self.apply(p * scale)).collect();
+        let pixels = picture.pixels.par_iter().map(|&p| self.apply(p * scale)).collect();
         RgbImage { width: picture.width, height: picture.height, pixels }
     }
 }

@@ -12,6 +12,8 @@ mod hdr;
 mod spatial;
 
 use super::convolve::Plane;
+use rayon::prelude::*;
+
 use crate::RgbImage;
 
 pub use hdr::{ExposureRange, hdr_flip};
@@ -25,7 +27,7 @@ pub fn flip(reference: &RgbImage, test: &RgbImage, pixels_per_degree: f32) -> Ve
     let [reference, test] = [reference, test].map(opponent_planes);
     let colours = spatial::colour_difference(&reference, &test, pixels_per_degree);
     let features = features::difference(&reference[0], &test[0], pixels_per_degree);
-    colours.iter().zip(&features).map(|(c, f)| c.powf(1.0 - f)).collect()
+    colours.par_iter().zip(&features).map(|(c, f)| c.powf(1.0 - f)).collect()
 }
 
 /// The three planes of Y Cx Cz.
