@@ -86,3 +86,109 @@ impl CandidateFilter for AlphaFilter<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::{Vec2, Vec3, Vec4};
+    use rayburst_accel::{BuildOptions, TraceOptions};
+    use rayburst_image::{MipMap, TexelFormat, Texels};
+    use rayburst_math::hash::Rng;
+
+    use super::*;
+    use crate::{Flattener, Material, Pose, Primitive, Scene, Texture};
+
+    /// Unit squares across the z axis at the given depths.
+    fn squares(depths: &[f32], material: Material, colors: Option<Vec4>) -> FlatScene {
+        let mut scene = Scene::default();
+        let alpha = [255u8, 0, 0, 255];
+        let data = alpha.iter().flat_map(|&a| [200, 200, 200, a]).collect();
+        let texels = Texels { width: 2, height: 2, channels: 4, data };
+        scene.images.push(Arc::new(MipMap::new(texels, TexelFormat::Srgb)));
+        scene.textures.push(Texture { magnify: crate::FilterMode::Nearest, ..Texture::new(0) });
+        scene.add_material("cut", material);
+        for &z in depths {
+            let positions = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+            let primitive = Primitive {
+                positions: positions.iter().map(|p| Vec3::new(p[0], p[1], z)).collect(),
+                indices: vec![[0, 1, 2], [0, 2, 3]],
+                uvs: vec![positions.iter().map(|&p| Vec2::from(p)).collect()],
+                colors: colors.map(|c| vec![c; 4]),
+                ..Primitive::default()
+            };
+            scene.add_mesh("square", vec![primitive]);
+        }
+        Flattener::new(&scene, BuildOptions::default()).at(&Pose::rest(&scene)).unwrap()
+    }
+
+    fn material(mode: AlphaMode, alpha: f32, texture: TextureSlot) -> Material {
+        Material {
+            base_color: [1.0, 1.0, 1.0, alpha],
+            alpha_mode: mode as u32,
+            base_color_texture: texture,
+            ..Material::diffuse(Vec3::ONE)
+        }
+    }
+
+    /// The share of rays through the square at (x, y) that nothing stops.
+    fn passing(scene: &FlatScene, at: Option<Vec2>, rays: u32) -> f64 {
+        let mut rng = Rng::new(7);
+        let (mut batch, mut keys) = (Vec::new(), Vec::new());
+        for _ in 0..rays {
+            let p = at.unwrap_or_else(|| rng.vec2());
+            batch.push(Ray::new(p.extend(-1.0), Vec3::Z));
+            keys.push(rng.u32());
+        }
+        let options = TraceOptions::default();
+        let mut passed = 0;
+        for (i, ray) in batch.iter().enumerate() {
+            let key = AlphaFilter::new(scene, &keys[i..=i]);
+            let hit = scene.tlas.closest_hit(ray, &options, &key);
+            assert_eq!(hit.is_hit(), scene.tlas.any_hit(ray, &options, &key));
+            passed += u32::from(!hit.is_hit());
+        }
+        f64::from(passed) / f64::from(rays)
+    }
+
+    #[test]
+    fn masks_cut_out_what_their_texture_says() {
+        let scene = squares(&[0.0], material(AlphaMode::Mask, 1.0, TextureSlot::new(0)), None);
+        assert!(!scene.is_opaque());
+        for (x, y, passes) in [(0.2, 0.3, 0.0), (0.8, 0.3, 1.0), (0.2, 0.8, 1.0), (0.8, 0.8, 0.0)] {
+            assert_eq!(passing(&scene, Some(Vec2::new(x, y)), 10), passes, "{x} {y}");
+        }
+        // The cut-out's shadow is as large as the mask.
+        let share = passing(&scene, None, 40_000);
+        assert!((share - 0.5).abs() < 0.0125, "{share}");
+    }
+
+    #[test]
+    fn blended_layers_let_the_product_through() {
+        let layers = [0.0, 0.5, 1.0];
+        let blend = material(AlphaMode::Blend, 0.3, TextureSlot::NONE);
+        let scene = squares(&layers, blend, None);
+        let share = passing(&scene, None, 40_000);
+        let expected: f64 = 0.7f64.powi(3);
+        let sigma = (expected * (1.0 - expected) / 40_000.0).sqrt();
+        assert!((share - expected).abs() < 5.0 * sigma, "{share} {expected}");
+        // Vertex colours multiply.
+        let faded = squares(&[0.0], blend, Some(Vec4::new(1.0, 1.0, 1.0, 0.5)));
+        let share = passing(&faded, None, 40_000);
+        assert!((share - 0.85).abs() < 5.0 * 0.0018, "{share}");
+    }
+
+    #[test]
+    fn opaque_materials_ignore_alpha_and_separate_alpha_counts() {
+        let opaque = squares(&[0.0], material(AlphaMode::Opaque, 0.0, TextureSlot::new(0)), None);
+        assert!(opaque.is_opaque());
+        assert_eq!(passing(&opaque, None, 100), 0.0);
+        let separate = Material {
+            alpha_texture: TextureSlot::new(0),
+            ..material(AlphaMode::Blend, 1.0, TextureSlot::NONE)
+        };
+        let scene = squares(&[0.0], separate, None);
+        assert_eq!(passing(&scene, Some(Vec2::new(0.8, 0.2)), 50), 1.0);
+        assert_eq!(passing(&scene, Some(Vec2::new(0.2, 0.2)), 50), 0.0);
+    }
+}

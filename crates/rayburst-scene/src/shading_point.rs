@@ -169,9 +169,14 @@ fn bend(normal: Vec3, geometric: Vec3, wo: Vec3) -> Vec3 {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
+    use rayburst_accel::BuildOptions;
+    use rayburst_image::{MipMap, TexelFormat, Texels};
     use rayburst_math::{hash::Rng, warp};
 
     use super::*;
+    use crate::{Flattener, Pose, Scene, Texture};
 
     #[test]
     fn bent_normals_reflect_off_the_surface_and_good_ones_stay() {
@@ -213,6 +218,91 @@ mod tests {
             material: 0,
             node: 0,
             front: true,
+        }
+    }
+
+    /// A scene of one material, black and white checks of 64×64 texels in every texture.
+    fn scene_of(material: Material) -> FlatScene {
+        let mut scene = Scene::default();
+        let checks = (0..64 * 64).map(|i| if (i + i / 64) % 2 == 0 { 255 } else { 0 }).collect();
+        let texels = Texels { width: 64, height: 64, channels: 1, data: checks };
+        scene.images.push(Arc::new(MipMap::new(texels, TexelFormat::Linear)));
+        scene.textures.push(Texture::new(0));
+        scene.add_material("only", material);
+        Flattener::new(&scene, BuildOptions::default()).at(&Pose::rest(&scene)).unwrap()
+    }
+
+    #[test]
+    fn wide_cones_see_the_mean_and_narrow_ones_the_texel() {
+        let slot = TextureSlot::new(0);
+        let scene = scene_of(Material { base_color_texture: slot, ..Material::diffuse(Vec3::ONE) });
+        let at = |width: f32, lod| {
+            let on_texel = Surface { uv: [Vec2::splat(0.5 / 64.0); 2], ..surface() };
+            let options = ShadingOptions { lod, ..ShadingOptions::default() };
+            scene.shading_point(&on_texel, Vec3::Z, width, &options).base_color.x
+        };
+        assert_eq!(at(0.0, TextureLod::Cones), 1.0);
+        assert_eq!(at(1.0 / 64.0, TextureLod::Cones), 1.0);
+        assert!((at(2.0 / 64.0, TextureLod::Cones) - 0.5).abs() < 0.01);
+        assert_eq!(at(2.0 / 64.0, TextureLod::Mip0), 1.0);
+        // Four times the area of the texture in the world: a footprint half as wide on it.
+        let stretched =
+            Surface { uv: [Vec2::splat(0.5 / 64.0); 2], uv_density: [0.25; 2], ..surface() };
+        let point =
+            scene.shading_point(&stretched, Vec3::Z, 2.0 / 64.0, &ShadingOptions::default());
+        assert_eq!(point.base_color.x, 1.0);
+    }
+
+    #[test]
+    fn sides_decide_emission_and_refraction() {
+        let options = ShadingOptions::default();
+        let back = Surface { front: false, ..surface() };
+        let one_sided = Material { flags: 0, ..Material::emitter(Vec3::splat(3.0)) };
+        let scene = scene_of(one_sided);
+        assert_eq!(scene.shading_point(&surface(), Vec3::Z, 0.0, &options).emitted.x, 3.0);
+        assert_eq!(scene.shading_point(&back, -Vec3::Z, 0.0, &options).emitted.x, 0.0);
+        let scene = scene_of(Material::emitter(Vec3::splat(3.0)));
+        assert_eq!(scene.shading_point(&back, -Vec3::Z, 0.0, &options).emitted.x, 3.0);
+
+        let scene = scene_of(Material::glass(1.5));
+        let oblique = Vec3::new(0.6, 0.0, 0.8);
+        for (surface, wo, eta) in [(surface(), oblique, 1.0 / 1.5), (back, -oblique, 1.5)] {
+            let point = scene.shading_point(&surface, wo, 0.0, &options);
+            assert!(point.frame.normal.dot(wo) > 0.0);
+            let path = point.bsdf.specular_refraction(point.frame.to_local(wo)).unwrap();
+            let wi = point.frame.to_world(path.wi);
+            assert!((wi.x + eta * wo.x).abs() < 1e-5 && wi.z * wo.z < 0.0, "{wi}");
+        }
+    }
+
+    #[test]
+    fn unlit_surfaces_shine_and_scatter_nothing() {
+        let unlit = Material {
+            model: ShadingModel::Unlit as u32,
+            ..Material::diffuse(Vec3::new(0.1, 0.2, 0.3))
+        };
+        let point =
+            scene_of(unlit).shading_point(&surface(), Vec3::Z, 0.0, &ShadingOptions::default());
+        assert_eq!(point.emitted, Vec3::new(0.1, 0.2, 0.3));
+        assert!(point.bsdf.is_delta() && point.sample(Vec3::Z, Vec3::splat(0.5)).is_none());
+    }
+
+    #[test]
+    fn samples_come_back_in_the_world() {
+        let scene = scene_of(Material::plastic(Vec3::splat(0.5), 0.4));
+        let tilted = Surface {
+            geometric_normal: Vec3::Y,
+            shading_normal: Vec3::new(0.28, 0.96, 0.0),
+            ..surface()
+        };
+        let wo = Vec3::new(-0.48, 0.6, 0.64);
+        let point = scene.shading_point(&tilted, wo, 0.0, &ShadingOptions::default());
+        let mut rng = Rng::new(4);
+        for _ in 0..1000 {
+            let Some(s) = point.sample(wo, rng.vec3()) else { continue };
+            let (f, pdf) = point.evaluate(wo, s.wi);
+            assert!(s.wi.y > 0.0 && (pdf / s.pdf - 1.0).abs() < 1e-2);
+            assert!((s.weight * s.pdf - f).abs().max_element() < 1e-2 * f.max_element());
         }
     }
 

@@ -329,13 +329,11 @@ mod tests {
         assert!(map.texels.iter().all(|t| t.is_finite() && t.min_element() > 0.0));
         let from_sky = illuminance(&map);
         let (sky_lux, sun_lux) = (luminance(from_sky), luminance(sun.intensity));
-        println!("sky {sky_lux} lx {from_sky}, sun {sun_lux} lx {}", sun.intensity);
         assert!((5_000.0..25_000.0).contains(&sky_lux), "{sky_lux}");
         assert!((60_000.0..105_000.0).contains(&sun_lux), "{sun_lux}");
         // Blue overhead, paler near the horizon; the sun is warmer than white.
         let zenith = map.texels[256];
         let horizon = map.texels[(126 * 512 + 10) as usize];
-        println!("zenith {zenith} horizon {horizon} ground {}", map.texels[200 * 512]);
         assert!(zenith.z > 1.5 * zenith.x, "{zenith}");
         assert!(horizon.z / horizon.x < 0.8 * zenith.z / zenith.x, "{horizon}");
         assert!(sun.intensity.x > sun.intensity.z);
