@@ -67,7 +67,7 @@ pub struct Rgb8Image {
 /// How a channel's samples are stored in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Precision {
-    /// 16-bit floats: enough for colours.
+    /// 16-bit floats: enough for colours. Finite values stay finite: at most ±65504.
     Half,
     /// 32-bit floats, bit for bit: for depths, positions, ids and accumulators.
     #[default]
@@ -164,9 +164,16 @@ impl LayeredImage {
         Some(RgbImage { width: self.width, height: self.height, pixels })
     }
 
-    /// The picture to show: the beauty, or else the first layer that [`Self::rgb`] can read.
+    /// The picture to show: the layer without a name, or else one that other programs give the
+    /// beauty, or else the first layer that [`Self::rgb`] can read.
     pub fn beauty(&self) -> Option<RgbImage> {
-        self.rgb("").or_else(|| self.layers.iter().find_map(|l| self.rgb(&l.name)))
+        let usual = |l: &&Layer| {
+            let last = l.name.rsplit('.').next().unwrap_or_default().to_ascii_lowercase();
+            matches!(&*last, "rgba" | "rgb" | "beauty" | "combined" | "color" | "colour")
+        };
+        self.rgb("")
+            .or_else(|| self.layers.iter().filter(usual).find_map(|l| self.rgb(&l.name)))
+            .or_else(|| self.layers.iter().find_map(|l| self.rgb(&l.name)))
     }
 
     /// Checks sizes, plane lengths and names.
@@ -223,6 +230,9 @@ mod tests {
         assert_eq!(layered.rgb("depth").unwrap().get(2, 1), Vec3::splat(2.0));
         assert!(layered.rgb("normal").is_none());
         layered.validate("p").unwrap();
+        layered.layers[0].name = "ViewLayer.Combined".to_owned();
+        layered.layers.swap(0, 1);
+        assert_eq!(layered.beauty().unwrap(), picture);
     }
 
     #[test]

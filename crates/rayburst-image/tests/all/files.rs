@@ -61,6 +61,15 @@ fn exr_keeps_layers_precision_bits_and_attributes() {
 }
 
 #[test]
+fn bright_values_stay_finite_as_half_floats() {
+    let picture = RgbImage::new(2, 2, Vec3::new(1e9, -70_000.0, f32::INFINITY));
+    let mut image = LayeredImage::from_rgb(&picture);
+    image.layers[0].channels.iter_mut().for_each(|c| c.precision = Precision::Half);
+    let read = decode_exr(&encode_exr(&image, "a").unwrap(), "a").unwrap().beauty().unwrap();
+    assert_eq!(read.pixels[3], Vec3::new(65_504.0, -65_504.0, f32::INFINITY));
+}
+
+#[test]
 fn the_same_picture_is_the_same_bytes() {
     let image = layered(33, 20);
     let first = encode_exr(&image, "a").unwrap();

@@ -33,7 +33,7 @@ pub fn encode_exr(image: &LayeredImage, name: &str) -> Result<Vec<u8>> {
             let samples = match channel.precision {
                 Precision::Float => FlatSamples::F32(channel.values.clone()),
                 Precision::Half => {
-                    FlatSamples::F16(channel.values.iter().map(|v| f16::from_f32(*v)).collect())
+                    FlatSamples::F16(channel.values.iter().map(|v| to_half(*v)).collect())
                 }
             };
             AnyChannel::new(to_text(&full_name(&layer.name, &channel.name)), samples)
@@ -80,6 +80,12 @@ fn attributes(image: &LayeredImage, name: &str) -> Result<LayerAttributes> {
         }
     }
     Ok(attributes)
+}
+
+/// A bright but finite value must not become infinite.
+fn to_half(value: f32) -> f16 {
+    let limit = f16::MAX.to_f32();
+    f16::from_f32(if value.is_finite() { value.clamp(-limit, limit) } else { value })
 }
 
 /// UTF-8, as the format's newer versions have it.
