@@ -379,7 +379,7 @@ fn two_thousand_broken_files_do_no_harm() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("broken.glb");
     let whole = [everything(), creature(), triangle()];
-    let (mut survived, mut slowest) = (0, Duration::ZERO);
+    let (mut survived, mut slowest) = (0, (Duration::ZERO, 0));
     let count = 2_000;
     for seed in 0..count {
         let mut random = Random(seed);
@@ -387,12 +387,13 @@ fn two_thousand_broken_files_do_no_harm() {
         fs::write(&path, &bytes).unwrap();
         let start = Instant::now();
         let outcome = catch_unwind(AssertUnwindSafe(|| use_file(&path)));
-        slowest = slowest.max(start.elapsed());
+        slowest = slowest.max((start.elapsed(), seed));
         survived += u64::from(outcome.unwrap_or_else(|_| panic!("seed {seed} panicked")));
     }
-    eprintln!("{survived} of {count} broken files could still be read; slowest {slowest:?}");
+    eprintln!("{survived} of {count} broken files could still be read; the slowest, {slowest:?}");
     assert!(survived > count / 10 && survived < count, "{survived} of {count} survived");
-    assert!(slowest < Duration::from_secs(5), "{slowest:?}");
+    // Far above what any takes, so that a busy machine does not fail the test.
+    assert!(slowest.0 < Duration::from_secs(30), "{slowest:?}");
     if let Some(peak) = peak_memory() {
         assert!(peak < 3 << 30, "{peak} bytes of memory at the peak");
     }

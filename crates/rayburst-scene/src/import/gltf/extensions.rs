@@ -29,22 +29,18 @@ pub(super) fn check_required(path: &Path, root: &Root) -> Result<(), ImportError
 
 /// How to get a file that can be read (commands of glTF Transform, `@gltf-transform/cli` on npm).
 fn way_out(name: &str) -> String {
-    let command = match name {
+    let (command, options) = match name {
         "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
-            "copy"
+            ("copy", "")
         }
-        "KHR_texture_basisu" => "ktxdecompress",
-        "EXT_texture_webp" | "EXT_texture_avif" => "png",
-        "KHR_materials_pbrSpecularGlossiness" => "metalrough",
+        "KHR_texture_basisu" => ("ktxdecompress", " (needs KTX-Software)"),
+        "EXT_texture_webp" | "EXT_texture_avif" => ("png", " --formats \"*\""),
+        "KHR_materials_pbrSpecularGlossiness" => ("metalrough", ""),
         _ => {
             return "export the scene without it, or take its name out of \"extensionsRequired\" to \
                     see the scene without what it adds"
                 .to_owned();
         }
     };
-    format!(
-        "convert the file with: npx @gltf-transform/cli {command} input.glb output.glb \
-         ({} it)",
-        if command == "copy" { "decompresses" } else { "replaces" }
-    )
+    format!("convert the file: npx @gltf-transform/cli {command} input.glb output.glb{options}")
 }
