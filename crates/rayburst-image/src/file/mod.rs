@@ -7,6 +7,8 @@ pub mod hdr;
 pub mod pfm;
 pub mod png;
 
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
 pub use atomic::atomic_write;
@@ -15,6 +17,9 @@ use crate::{ImageError, LayeredImage, Result, RgbImage};
 
 /// The largest file that is read: 4 GiB.
 const MAX_FILE_BYTES: u64 = 1 << 32;
+
+/// The most that is read from what is not a regular file: 128 MiB.
+const MAX_PIPE_BYTES: u64 = 1 << 27;
 
 /// The formats of pictures that are read or written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,13 +107,45 @@ pub fn write_linear(path: &Path, picture: &RgbImage) -> Result<()> {
     }
 }
 
-/// A file's bytes, with the file's name in the error.
+/// A file's bytes, with the file's name in the error. Pipes are read too, devices without an end
+/// up to a limit.
 pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>> {
     let error = |source| ImageError::Read { path: path.to_owned(), source };
-    let length = std::fs::metadata(path).map_err(error)?.len();
-    if length > MAX_FILE_BYTES {
+    let file = File::open(path).map_err(error)?;
+    let meta = file.metadata().map_err(error)?;
+    let limit = if meta.is_file() { MAX_FILE_BYTES } else { MAX_PIPE_BYTES };
+    let too_large = |bytes: u64| {
         let name = path.display().to_string();
-        return Err(ImageError::TooManyBytes { name, bytes: length.into(), limit: MAX_FILE_BYTES });
+        ImageError::TooManyBytes { name, bytes: bytes.into(), limit }
+    };
+    if meta.len() > limit {
+        return Err(too_large(meta.len()));
     }
-    std::fs::read(path).map_err(error)
+    let mut bytes = Vec::with_capacity(meta.len() as usize);
+    file.take(limit + 1).read_to_end(&mut bytes).map_err(error)?;
+    if bytes.len() as u64 > limit {
+        return Err(too_large(bytes.len() as u64));
+    }
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn folders_and_missing_files_are_errors_with_a_name() {
+        let folder = tempfile::tempdir().unwrap();
+        for path in [folder.path().to_owned(), folder.path().join("missing.png")] {
+            let text = read_bytes(&path).unwrap_err().to_string();
+            assert!(text.starts_with(&format!("cannot read {}: ", path.display())), "{text}");
+        }
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_device_without_an_end_is_refused() {
+        let text = read_bytes(Path::new("/dev/zero")).unwrap_err().to_string();
+        assert!(text.contains("the limit is 134217728"), "{text}");
+    }
 }

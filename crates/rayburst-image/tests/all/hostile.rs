@@ -17,7 +17,7 @@ use crate::files::{foreign_exr, layered};
 const VARIANTS: usize = 400;
 
 /// Real samples are a few kilobytes; nothing they may promise takes more than this.
-const MOST_MEMORY_KB: u64 = 1 << 20;
+const MOST_MEMORY_KB: u64 = 128 << 10;
 
 fn damage(sample: &[u8], rng: &mut Rng) -> Vec<u8> {
     let mut bytes = sample.to_vec();
