@@ -9,11 +9,13 @@
 //! Averages are those of the interpolated table, so that lobes built from both conserve energy to
 //! rounding. Axes: √(cos θ), which spreads out grazing angles, and roughness √α.
 
-use std::{f32::consts::TAU, sync::LazyLock};
+use std::{
+    f32::consts::{PI, TAU},
+    sync::LazyLock,
+};
 
 use glam::{Vec2, Vec3};
 use rayburst_math::distribution::Distribution1d;
-use rayon::prelude::*;
 
 use super::{fresnel::schlick_weight, ggx};
 
@@ -122,14 +124,16 @@ fn cell(x: f32, n: usize) -> (usize, f32) {
 }
 
 impl Table {
+    /// On the calling thread alone: a pool's worker that waits here could be given another piece of
+    /// work that needs the table.
     fn new() -> Self {
+        let lattice = lattice();
         let directional: Vec<[Albedo; COSINES]> = (0..ROUGHNESSES)
-            .into_par_iter()
             .map(|j| {
                 let roughness = j as f32 / (ROUGHNESSES - 1) as f32;
                 std::array::from_fn(|i| {
                     let x = i as f32 / (COSINES - 1) as f32;
-                    integrate(x * x, roughness * roughness)
+                    integrate(x * x, roughness * roughness, &lattice)
                 })
             })
             .collect();
@@ -139,20 +143,28 @@ impl Table {
     }
 }
 
-fn integrate(cos: f32, alpha: f32) -> Albedo {
+/// Points of the sampler's unit square, the first coordinate as a unit vector. Half a turn is enough,
+/// by symmetry.
+fn lattice() -> Vec<(Vec2, f32)> {
+    let (n, generator) = LATTICE;
+    (0..n)
+        .map(|i| {
+            let angle = PI * ((i * generator % n) as f32 + 0.5) / n as f32;
+            (Vec2::from_angle(angle), (i as f32 + 0.5) / n as f32)
+        })
+        .collect()
+}
+
+fn integrate(cos: f32, alpha: f32, lattice: &[(Vec2, f32)]) -> Albedo {
     if alpha == 0.0 {
         return Albedo::smooth(cos);
     }
     // Exactly grazing light is the limit of nearly grazing light.
     let cos = cos.max(1e-4);
     let o = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
-    let (n, generator) = LATTICE;
     let (mut a, mut b) = (0.0f64, 0.0f64);
-    for i in 0..n {
-        // Half a turn is enough, by symmetry.
-        let turn = (i * generator % n) as f32 + 0.5;
-        let u = Vec2::new(0.5 * turn, i as f32 + 0.5) / n as f32;
-        let h = ggx::sample(o, alpha, u);
+    for &(azimuth, u) in lattice {
+        let h = ggx::sample_turned(o, alpha, azimuth, u);
         let cos_h = o.dot(h);
         let cos_i = 2.0 * cos_h * h.z - o.z;
         if cos_i > 0.0 {
@@ -162,7 +174,7 @@ fn integrate(cos: f32, alpha: f32) -> Albedo {
             b += left * grazing;
         }
     }
-    let samples = f64::from(n);
+    let samples = lattice.len() as f64;
     Albedo { a: (a / samples) as f32, b: (b / samples) as f32 }
 }
 

@@ -49,10 +49,16 @@ pub fn reflection_pdf(cos_o: f32, h: Vec3, alpha: f32) -> f32 {
 /// A normal in proportion to its area that `o` sees.
 #[inline]
 pub fn sample(o: Vec3, alpha: f32, u: Vec2) -> Vec3 {
-    let stretched = Vec3::new(o.x * alpha, o.y * alpha, o.z).normalize();
-    let z = (1.0 - u.y) * (1.0 + stretched.z) - stretched.z;
-    let r = (1.0 - z * z).max(0.0).sqrt();
     let (sin, cos) = (TAU * u.x).sin_cos();
-    let h = Vec3::new(r * cos, r * sin, z) + stretched;
+    sample_turned(o, alpha, Vec2::new(cos, sin), u.y)
+}
+
+/// [`sample`] with the unit vector of the azimuth given instead of a number.
+#[inline]
+pub(super) fn sample_turned(o: Vec3, alpha: f32, azimuth: Vec2, u: f32) -> Vec3 {
+    let stretched = Vec3::new(o.x * alpha, o.y * alpha, o.z).normalize();
+    let z = (1.0 - u) * (1.0 + stretched.z) - stretched.z;
+    let r = (1.0 - z * z).max(0.0).sqrt();
+    let h = (r * azimuth).extend(z) + stretched;
     Vec3::new(h.x * alpha, h.y * alpha, h.z.max(0.0)).normalize_or(Vec3::Z)
 }

@@ -136,12 +136,25 @@ impl Lobes {
     /// f·cos θᵢ and the density, for two directions above the surface.
     #[inline]
     pub(super) fn evaluate(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
-        let cosine_pdf = wi.z * FRAC_1_PI;
         if self.is_lambert() {
-            return (self.base * cosine_pdf, cosine_pdf);
+            let pdf = wi.z * FRAC_1_PI;
+            return (self.base * pdf, pdf);
         }
-        let (o, i) = (albedo::directional(wo.z, self.alpha), albedo::directional(wi.z, self.alpha));
-        let (p_glossy, p_returned) = self.probabilities(o);
+        let o = albedo::directional(wo.z, self.alpha);
+        self.evaluate_lobes(wo, wi, o, self.probabilities(o))
+    }
+
+    /// [`Lobes::evaluate`] when the albedo for `wo` and the probabilities are known.
+    #[inline]
+    fn evaluate_lobes(
+        &self,
+        wo: Vec3,
+        wi: Vec3,
+        o: Albedo,
+        (p_glossy, p_returned): (f32, f32),
+    ) -> (Vec3, f32) {
+        let cosine_pdf = wi.z * FRAC_1_PI;
+        let i = albedo::directional(wi.z, self.alpha);
         let mut f = self.base
             * ((1.0 - self.coat_albedo(o)) * (1.0 - self.coat_albedo(i)) * self.base_norm);
         let mut pdf = (1.0 - p_glossy - p_returned).max(0.0) * cosine_pdf;
@@ -168,17 +181,31 @@ impl Lobes {
     }
 
     pub(super) fn sample(&self, wo: Vec3, u: Vec3) -> Option<BsdfSample> {
-        let (p, p_returned) = if self.is_lambert() {
-            (0.0, 0.0)
-        } else {
-            self.probabilities(albedo::directional(wo.z, self.alpha))
+        let scattered = |wi: Vec3, (f, pdf): (Vec3, f32), spread: f32| {
+            let weight = f / pdf;
+            weight.is_finite().then_some(BsdfSample {
+                wi,
+                weight,
+                pdf,
+                delta: false,
+                transmitted: false,
+                spread,
+            })
         };
-        let glossy = u.z < p;
+        if self.is_lambert() {
+            let wi = warp::cosine_hemisphere(u.truncate());
+            return (wi.z > 0.0)
+                .then(|| scattered(wi, self.evaluate(wo, wi), DIFFUSE_SPREAD))
+                .flatten();
+        }
+        let o = albedo::directional(wo.z, self.alpha);
+        let (p_glossy, p_returned) = self.probabilities(o);
+        let glossy = u.z < p_glossy;
         if let Some(path) = self.mirror(wo).filter(|_| glossy) {
             return Some(BsdfSample {
                 wi: path.wi,
-                weight: path.weight / p,
-                pdf: p,
+                weight: path.weight / p_glossy,
+                pdf: p_glossy,
                 delta: true,
                 transmitted: false,
                 spread: 0.0,
@@ -187,7 +214,7 @@ impl Lobes {
         let (wi, spread) = if glossy {
             let h = ggx::sample(wo, self.alpha, u.truncate());
             (2.0 * wo.dot(h) * h - wo, 0.5 * self.alpha)
-        } else if u.z < p + p_returned {
+        } else if u.z < p_glossy + p_returned {
             (albedo::sample_lost(self.alpha, u.truncate()), DIFFUSE_SPREAD)
         } else {
             (warp::cosine_hemisphere(u.truncate()), DIFFUSE_SPREAD)
@@ -195,15 +222,6 @@ impl Lobes {
         if wi.z <= 0.0 {
             return None;
         }
-        let (f, pdf) = self.evaluate(wo, wi);
-        let weight = f / pdf;
-        weight.is_finite().then_some(BsdfSample {
-            wi,
-            weight,
-            pdf,
-            delta: false,
-            transmitted: false,
-            spread,
-        })
+        scattered(wi, self.evaluate_lobes(wo, wi, o, (p_glossy, p_returned)), spread)
     }
 }
