@@ -4,9 +4,19 @@
 //! only after the file has shown that it holds the data, and what can be mended is mended with a
 //! line in [`Scene::warnings`].
 
+mod default_material;
+mod environment;
 mod error;
+mod find;
 mod gltf;
+mod mtl;
+mod obj;
+mod ply;
 mod resolve;
+mod scan;
+mod triangulate;
+mod view;
+mod weld;
 
 use std::{
     fs::File,
@@ -14,8 +24,12 @@ use std::{
     path::{Path, PathBuf},
 };
 
+pub use environment::load_environment;
 pub use error::ImportError;
 pub use resolve::{ResolveError, Resolver, read_limited};
+pub use view::apply_view;
+
+pub(crate) use default_material::default_material;
 
 use crate::Scene;
 
@@ -56,12 +70,30 @@ impl Default for LoadOptions {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
     Gltf,
+    Obj,
+    Ply,
 }
 
-/// Reads a scene of any supported format, told by its extension and, failing that, its content.
+/// Reads a scene of any supported format, told by its extension and, failing that, its content; then
+/// the view file that the options name, or else `NAME.view.json` beside the scene if there is one.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, ImportError> {
+    let mut scene = load_without_view(path, options)?;
+    if let Some(view) = &options.view {
+        apply_view(&mut scene, view)?;
+    } else {
+        let beside = path.with_extension("view.json");
+        if beside.is_file() {
+            apply_view(&mut scene, &beside)?;
+        }
+    }
+    Ok(scene)
+}
+
+fn load_without_view(path: &Path, options: &LoadOptions) -> Result<Scene, ImportError> {
     match format_of(path)? {
         Format::Gltf => gltf::load(path, options),
+        Format::Obj => obj::load(path, options),
+        Format::Ply => ply::load(path, options),
     }
 }
 
@@ -69,6 +101,8 @@ fn format_of(path: &Path) -> Result<Format, ImportError> {
     let extension = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
     match extension.as_deref() {
         Some("gltf" | "glb") => Ok(Format::Gltf),
+        Some("obj") => Ok(Format::Obj),
+        Some("ply") => Ok(Format::Ply),
         _ => {
             let io = |source| ImportError::Io { path: path.to_path_buf(), source };
             if !std::fs::metadata(path).map_err(io)?.is_file() {
@@ -86,5 +120,5 @@ fn sniff(head: &[u8]) -> Option<Format> {
     if head.starts_with(b"glTF") || head.trim_ascii_start().starts_with(b"{") {
         return Some(Format::Gltf);
     }
-    None
+    head.starts_with(b"ply").then_some(Format::Ply)
 }

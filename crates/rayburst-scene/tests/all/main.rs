@@ -5,3 +5,8 @@ mod glb;
 mod gltf;
 mod gltf_broken;
 mod gltf_values;
+mod hostile_meshes;
+mod obj;
+mod ply;
+mod real_meshes;
+mod view;
