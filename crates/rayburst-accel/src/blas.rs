@@ -207,3 +207,51 @@ impl Structure for Blas {
         closest.finish(|_, triangle| self.locate(triangle))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layout::bvh8::defects;
+
+    fn terrain(n: u32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+        let height = |x: u32, z: u32| ((x * 7919 + z * 104_729) % 97) as f32 * 0.01;
+        let positions = (0..=n)
+            .flat_map(|z| (0..=n).map(move |x| Vec3::new(x as f32, height(x, z), z as f32)))
+            .collect();
+        let indices = (0..n)
+            .flat_map(|z| (0..n).map(move |x| z * (n + 1) + x))
+            .flat_map(|a| [[a, a + n + 1, a + 1], [a + 1, a + n + 1, a + n + 2]])
+            .collect();
+        (positions, indices)
+    }
+
+    fn build(n: u32) -> Blas {
+        let (positions, indices) = terrain(n);
+        let mesh = TriangleMesh::new(&positions, &indices);
+        Blas::build(&[mesh], &BuildOptions::default()).unwrap()
+    }
+
+    #[test]
+    fn the_bytes_do_not_depend_on_threads() {
+        let bytes = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| build(200)).tree.words().to_vec()
+        };
+        let one = bytes(1);
+        assert!(one == bytes(2) && one == bytes(7));
+    }
+
+    #[test]
+    fn validation_finds_every_kind_of_defect() {
+        let blas = build(12);
+        assert!(blas.validate().is_ok());
+        for (name, defect) in defects() {
+            let mut broken = blas.clone();
+            defect(&mut broken.tree);
+            assert!(broken.validate().is_err(), "{name}");
+        }
+        let mut fewer = blas.clone();
+        fewer.stats.primitives += 1;
+        assert!(matches!(fewer.validate(), Err(BvhDefect::Missing(_))));
+    }
+}

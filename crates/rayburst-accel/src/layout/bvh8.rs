@@ -125,6 +125,12 @@ impl Bvh8 {
         size_of_val(self.lines.as_slice())
     }
 
+    /// Every word of it.
+    #[cfg(test)]
+    pub(crate) fn words(&self) -> &[u32] {
+        bytemuck::cast_slice(&self.lines)
+    }
+
     /// Half lines in all.
     pub(crate) fn half_lines(&self) -> usize {
         self.lines.len() * 2
@@ -323,4 +329,29 @@ impl<L: Leaves> Writer<'_, L> {
             }
         }
     }
+}
+
+/// Ways to break a tree of several levels, for the tests of validation.
+#[cfg(test)]
+pub(crate) fn defects() -> Vec<(&'static str, fn(&mut Bvh8))> {
+    fn root(tree: &mut Bvh8) -> &mut Node8 {
+        &mut bytemuck::cast_slice_mut(&mut tree.lines[..NODE_LINES])[0]
+    }
+    fn last_words(tree: &mut Bvh8) -> &mut [u32] {
+        // The last line but one holds the end of a leaf's block, or its padding's neighbour.
+        let lines = tree.lines.len();
+        bytemuck::cast_slice_mut(&mut tree.lines[lines - 5..])
+    }
+    vec![
+        ("a box too small", |tree| root(tree).boxes.planes[1][0] -= 0.5),
+        ("a lower bound too large", |tree| root(tree).boxes.planes[4][1] += 0.5),
+        ("a NaN plane", |tree| root(tree).boxes.planes[0][0] = f32::NAN),
+        ("a child twice", |tree| root(tree).children[0] = root(tree).children[1]),
+        ("a loop", |tree| root(tree).children[0] = Reference::ROOT),
+        ("a child outside", |tree| root(tree).children[2] = Reference(1 << 30)),
+        ("a leaf outside", |tree| root(tree).children[2] = Reference(1 << 30 | 1)),
+        ("a lost child", |tree| root(tree).children[3] = Reference::NONE),
+        ("other triangles", |tree| last_words(tree).fill(0)),
+        ("bounds too small", |tree| tree.bounds.upper.x -= 0.5),
+    ]
 }

@@ -1,1 +1,151 @@
-//! build
+//! What builders do with any input: defects, depth, memory, determinism.
+
+use glam::Vec3;
+use rayburst_accel::{
+    AcceptAll, Blas, BuildError, BuildOptions, BuildQuality, IsaLevel, MAX_COORDINATE,
+    TraceOptions, TriangleMesh,
+};
+use rayburst_math::{Hit, Ray};
+
+use crate::meshes::{Mesh, Random, ray_at, soup, sphere};
+
+const ANY: TraceOptions = TraceOptions { mask: 0xFF, cull: rayburst_accel::Cull::None };
+
+fn build(mesh: &Mesh) -> Blas {
+    let blas = mesh.blas(IsaLevel::detect());
+    let (stats, report) = (blas.stats(), blas.validate().unwrap());
+    assert_eq!(stats.primitives + stats.inactive, mesh.indices.len());
+    assert_eq!(
+        (stats.nodes, stats.leaves, stats.depth),
+        (report.nodes, report.leaves, report.depth)
+    );
+    assert_eq!(stats.primitives, report.primitives);
+    // The sums are the same up to the order of additions.
+    assert!((stats.sah_cost - report.sah_cost).abs() <= 1e-4 * report.sah_cost, "{stats:?}");
+    blas
+}
+
+#[test]
+fn nothing_and_almost_nothing() {
+    let empty = Blas::build(&[], &BuildOptions::default()).unwrap();
+    empty.validate().unwrap();
+    assert!(empty.bounds().is_empty() && empty.geometry_count() == 0);
+    let ray = Ray::new(Vec3::ZERO, Vec3::X);
+    assert_eq!(empty.closest_hit(&ray, &ANY, &AcceptAll), Hit::MISS);
+    for count in 1..40 {
+        let blas = build(&soup(count, count as usize, 0.5));
+        assert_eq!(blas.stats().primitives, count as usize);
+    }
+}
+
+#[test]
+fn indices_out_of_range_are_named() {
+    let positions = [Vec3::ZERO; 3];
+    let good = TriangleMesh::new(&positions, &[[0, 1, 2]]);
+    let bad = TriangleMesh::new(&positions, &[[0, 1, 2], [0, 1, 2], [0, 3, 7]]);
+    let error = Blas::build(&[good, bad], &BuildOptions::default()).unwrap_err();
+    assert_eq!(
+        error,
+        BuildError::IndexOutOfRange { geometry: 1, primitive: 2, index: 3, vertices: 3 }
+    );
+    assert!(error.to_string().contains("triangle 2 of geometry 1"));
+}
+
+#[test]
+fn triangles_that_are_not_finite_or_have_no_area_are_inactive() {
+    let mut mesh = sphere(8);
+    let active = mesh.indices.len();
+    let corner = Vec3::new(0.1, 0.2, 0.3);
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 2.0 * MAX_COORDINATE] {
+        for axis in 0..3 {
+            let mut wrong = corner;
+            wrong[axis] = bad;
+            mesh.push([corner, wrong, Vec3::ONE]);
+        }
+    }
+    mesh.push([corner; 3]);
+    mesh.push([corner, corner, Vec3::ONE]);
+    mesh.push([Vec3::ZERO, Vec3::ONE, 2.0 * Vec3::ONE]);
+    let blas = build(&mesh);
+    assert_eq!((blas.stats().primitives, blas.stats().inactive), (active, 15));
+    assert_eq!(blas.triangle(0, active as u32), None);
+    assert_eq!(blas.triangle(0, 0), Some(mesh.triangle(0)));
+    assert_eq!(blas.triangle(0, mesh.indices.len() as u32), None);
+    assert_eq!(blas.triangle(1, 0), None);
+    let mut random = Random::new(51);
+    for _ in 0..500 {
+        let ray = ray_at(&mut random, Vec3::ZERO, 1.0);
+        let hit = blas.closest_hit(&ray, &ANY, &AcceptAll);
+        assert!(!hit.is_hit() || (hit.primitive as usize) < active);
+    }
+}
+
+#[test]
+fn coincident_triangles_make_a_shallow_tree() {
+    let mut mesh = Mesh::default();
+    for _ in 0..1000 {
+        mesh.push([Vec3::ZERO, Vec3::X, Vec3::Y]);
+    }
+    let blas = build(&mesh);
+    assert!(blas.stats().depth <= 8, "{:?}", blas.stats());
+    let mut hits = vec![];
+    blas.all_hits(&Ray::new(Vec3::new(0.2, 0.2, 1.0), -Vec3::Z), &ANY, &AcceptAll, &mut hits);
+    assert!(hits.iter().map(|h| h.primitive).eq(0..1000));
+}
+
+#[test]
+fn depth_is_bounded_for_exponentially_spaced_triangles() {
+    // Each plane of the heuristic splits off one triangle or few.
+    for base in [1.05f64, 1.5, 2.0] {
+        let mut mesh = Mesh::default();
+        let mut x = 1e-15f64;
+        while x < 1e17 && mesh.indices.len() < 3000 {
+            let p = Vec3::new(x as f32, 0.0, 0.0);
+            let e = (x * 0.01) as f32;
+            mesh.push([p, p + Vec3::Y * e, p + Vec3::Z * e]);
+            x *= base;
+        }
+        let blas = build(&mesh);
+        assert!(blas.stats().depth <= 64, "{base}: {:?}", blas.stats());
+        for i in 0..mesh.indices.len() {
+            let [a, b, c] = mesh.triangle(i);
+            let target = (a + b + c) / 3.0;
+            let ray = Ray::new(target - Vec3::X * a.x * 0.01, Vec3::X);
+            assert_eq!(blas.closest_hit(&ray, &ANY, &AcceptAll).primitive as usize, i);
+        }
+    }
+}
+
+#[test]
+fn what_rays_meet_does_not_depend_on_threads() {
+    let mesh = soup(52, 150_000, 0.02);
+    let trace = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let blas = pool.install(|| mesh.blas(IsaLevel::detect()));
+        let mut random = Random::new(53);
+        let rays: Vec<Ray> = (0..500).map(|_| ray_at(&mut random, Vec3::ZERO, 1.0)).collect();
+        let mut hits = vec![Hit::MISS; rays.len()];
+        let mut counts = vec![Default::default(); rays.len()];
+        blas.closest_hits_counted(&rays, &mut hits, &mut counts, &ANY, &AcceptAll);
+        let mut stats = blas.stats();
+        stats.seconds = 0.0;
+        (stats, hits, counts)
+    };
+    let one = trace(1);
+    assert_eq!(one, trace(2));
+    assert_eq!(one, trace(7));
+}
+
+#[test]
+fn better_quality_is_no_worse_and_memory_is_small() {
+    let mesh = soup(54, 20_000, 0.05);
+    let stats = |quality| {
+        let options = BuildOptions { quality, ..BuildOptions::default() };
+        Blas::build(&[mesh.geometry()], &options).unwrap().stats()
+    };
+    let (fast, balanced) = (stats(BuildQuality::Fast), stats(BuildQuality::Balanced));
+    assert!(balanced.sah_cost <= 1.02 * fast.sah_cost, "{balanced:?} {fast:?}");
+    assert!(balanced.bytes <= 80 * 20_000, "{balanced:?}");
+    // Eight-wide nodes are at least half full.
+    assert!(balanced.nodes * 4 <= balanced.leaves + balanced.nodes, "{balanced:?}");
+}
