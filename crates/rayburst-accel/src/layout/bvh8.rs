@@ -331,9 +331,13 @@ impl<L: Leaves> Writer<'_, L> {
     }
 }
 
+/// A way to break a tree.
+#[cfg(test)]
+type Defect = fn(&mut Bvh8);
+
 /// Ways to break a tree of several levels, for the tests of validation.
 #[cfg(test)]
-pub(crate) fn defects() -> Vec<(&'static str, fn(&mut Bvh8))> {
+pub(crate) fn defects() -> Vec<(&'static str, Defect)> {
     fn root(tree: &mut Bvh8) -> &mut Node8 {
         &mut bytemuck::cast_slice_mut(&mut tree.lines[..NODE_LINES])[0]
     }

@@ -15,7 +15,7 @@
 //!
 //! A structure of instances adds what the transform into an instance's space may be wrong by.
 
-use glam::Vec3;
+use glam::{Vec3, Vec3A};
 use rayburst_math::Aabb;
 use rayburst_simd::{ShearRay, SlabRay};
 
@@ -47,10 +47,10 @@ impl PreparedRay {
     /// ray cannot hit anything.
     #[inline(always)]
     pub(crate) fn new(origin: Vec3, direction: Vec3, bounds: &Aabb, slack: f32) -> Option<Self> {
+        let (origin, mut direction) = (Vec3A::from(origin), Vec3A::from(direction));
         if bounds.is_empty() || origin.abs().max_element() > MAX_ORIGIN {
             return None;
         }
-        let mut direction = direction;
         let mut longest = direction.abs().max_element();
         let mut lift = 1.0;
         if longest < f32::MIN_POSITIVE {
@@ -63,19 +63,15 @@ impl PreparedRay {
         let direction = direction * scale;
         let shear = ShearRay::new(origin.to_array(), direction.to_array());
 
-        let reach = (bounds.lower - origin).abs().max((bounds.upper - origin).abs());
-        let reach_z = reach[shear.axes()[2]];
-        let error = 8.0 * EPSILON * (reach + reach_z) + 4.0 * EPSILON * origin.abs() + slack;
-        let away_from_zero = |d: f32| {
-            if d.abs() < SMALLEST_COMPONENT { SMALLEST_COMPONENT.copysign(d) } else { d }
-        };
-        let inverse = Vec3::new(
-            1.0 / away_from_zero(direction.x),
-            1.0 / away_from_zero(direction.y),
-            1.0 / away_from_zero(direction.z),
-        );
+        let (lower, upper) = (Vec3A::from(bounds.lower), Vec3A::from(bounds.upper));
+        let reach = (lower - origin).abs().max((upper - origin).abs());
+        let reach_z = Vec3A::splat(reach.to_array()[shear.axes()[2]]);
+        let error =
+            8.0 * EPSILON * (reach + reach_z) + 4.0 * EPSILON * origin.abs() + Vec3A::splat(slack);
+        let size = direction.abs().max(Vec3A::splat(SMALLEST_COMPONENT));
+        let inverse = Vec3A::ONE / size.copysign(direction);
         let centre = origin * inverse;
-        let margin = error * inverse.abs() + f32::MIN_POSITIVE;
+        let margin = error * inverse.abs() + Vec3A::splat(f32::MIN_POSITIVE);
         let slab = SlabRay::new(
             inverse.to_array(),
             (centre + margin).to_array(),
@@ -90,7 +86,8 @@ impl PreparedRay {
     pub(crate) fn span(&self, t_min: f32, t_max: f32) -> Span {
         let clamp = |t: f32| t.clamp(-f32::MAX, f32::MAX);
         // Exact: the reciprocals of powers of two are powers of two.
-        let internal = |t: f32| clamp(clamp(t) / self.scale / self.lift);
+        let (unscale, unlift) = (reciprocal(self.scale), reciprocal(self.lift));
+        let internal = |t: f32| clamp(clamp(t) * unscale * unlift);
         Span { t_min: internal(t_min), t_max: internal(t_max) }
     }
 
@@ -98,5 +95,34 @@ impl PreparedRay {
     #[inline(always)]
     pub(crate) fn external(&self, t: f32) -> f32 {
         t * self.scale * self.lift
+    }
+}
+
+/// One over a power of two between 2⁻¹²⁶ and 2¹²⁶.
+#[inline(always)]
+fn reciprocal(power: f32) -> f32 {
+    f32::from_bits((254 << 23) - power.to_bits())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scales_are_powers_of_two_and_conversion_is_exact() {
+        let bounds = Aabb { lower: Vec3::NEG_ONE, upper: Vec3::ONE };
+        for power in -149..=127 {
+            let longest = 2f64.powi(power) as f32;
+            let direction = Vec3::new(0.0, -longest, longest * 0.25);
+            let ray = PreparedRay::new(Vec3::ONE, direction, &bounds, 0.0).unwrap();
+            assert_eq!(reciprocal(ray.scale) * ray.scale, 1.0);
+            for t in [1.0, -3.0, 0.125] {
+                let internal = ray.span(t, t).t_max;
+                // Distances of subnormal directions are halves of subnormal numbers at worst.
+                if internal.abs() >= f32::MIN_POSITIVE {
+                    assert_eq!(ray.external(internal), t, "2^{power}");
+                }
+            }
+        }
     }
 }

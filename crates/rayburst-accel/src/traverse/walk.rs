@@ -7,7 +7,7 @@ use rayburst_simd::{Isa, SlabRay};
 use super::{count::Count, prepare::Span};
 use crate::{
     build::binned_sah::MAX_DEPTH,
-    layout::bvh8::{Bvh8, Reference},
+    layout::bvh8::{Bvh8, Node8, Reference},
 };
 
 /// Seven siblings a level and one to spare, as a power of two.
@@ -45,6 +45,20 @@ impl Stack {
     }
 }
 
+/// Takes the first child out of the mask and asks for its memory.
+#[inline(always)]
+fn take<I: Isa>(isa: I, tree: &Bvh8, node: &Node8, distances: &[f32; 8], mask: &mut u32) -> Entry {
+    let slot = mask.trailing_zeros() as usize % 8;
+    *mask &= *mask - 1;
+    let child = node.children[slot];
+    let address = tree.address(child.value());
+    isa.prefetch(address);
+    isa.prefetch(address.wrapping_add(64));
+    isa.prefetch(address.wrapping_add(128));
+    isa.prefetch(address.wrapping_add(192));
+    Entry { distance: distances[slot], child }
+}
+
 /// Visits the leaves whose boxes a ray may meet within `span`, which `leaf` may shorten; nearest
 /// first if `ORDERED`. Stops when `leaf` breaks.
 #[inline(always)]
@@ -60,7 +74,7 @@ pub(crate) fn walk<I: Isa, C: Count, const ORDERED: bool>(
     let mut distances = [0.0; 8];
     let mut current = Reference::ROOT;
     let mut top = 0;
-    'visit: loop {
+    loop {
         if current.is_leaf() {
             leaf(current.value(), span, count)?;
         } else {
@@ -68,44 +82,38 @@ pub(crate) fn walk<I: Isa, C: Count, const ORDERED: bool>(
             let node = tree.node(current);
             let mut mask = isa.slab8(&node.boxes, ray, span.t_min, span.t_max, &mut distances);
             if mask != 0 {
-                let mut next = || {
-                    let slot = mask.trailing_zeros() as usize % 8;
-                    mask &= mask - 1;
-                    let child = node.children[slot];
-                    let address = tree.address(child.value());
-                    isa.prefetch(address);
-                    isa.prefetch(address.wrapping_add(64));
-                    isa.prefetch(address.wrapping_add(128));
-                    isa.prefetch(address.wrapping_add(192));
-                    (Entry { distance: distances[slot], child }, mask != 0)
-                };
-                let (mut nearest, mut more) = next();
-                let base = top;
-                while more {
-                    let (mut entry, again) = next();
-                    more = again;
-                    if ORDERED {
-                        if entry.distance < nearest.distance {
-                            std::mem::swap(&mut entry, &mut nearest);
-                        }
+                let mut nearest = take(isa, tree, node, &distances, &mut mask);
+                if mask != 0 {
+                    let base = top;
+                    let mut entry = take(isa, tree, node, &distances, &mut mask);
+                    if ORDERED && entry.distance < nearest.distance {
+                        std::mem::swap(&mut entry, &mut nearest);
+                    }
+                    stack.set(top, entry);
+                    top += 1;
+                    while mask != 0 {
+                        let mut entry = take(isa, tree, node, &distances, &mut mask);
                         let mut place = top;
-                        while place > base {
-                            // SAFETY: `base ≤ place − 1 < top`: set in this loop.
-                            let below = unsafe { stack.get(place - 1) };
-                            if below.distance >= entry.distance {
-                                break;
+                        if ORDERED {
+                            if entry.distance < nearest.distance {
+                                std::mem::swap(&mut entry, &mut nearest);
                             }
-                            stack.set(place, below);
-                            place -= 1;
+                            while place > base {
+                                // SAFETY: `base ≤ place − 1 < top`: set above.
+                                let below = unsafe { stack.get(place - 1) };
+                                if below.distance >= entry.distance {
+                                    break;
+                                }
+                                stack.set(place, below);
+                                place -= 1;
+                            }
                         }
                         stack.set(place, entry);
-                    } else {
-                        stack.set(top, entry);
+                        top += 1;
                     }
-                    top += 1;
                 }
                 current = nearest.child;
-                continue 'visit;
+                continue;
             }
         }
         loop {

@@ -194,7 +194,7 @@ fn only_translucent_geometry_asks_the_filter() {
         let blas = Blas::build(&[solid.geometry(), translucent], &with_isa(isa)).unwrap();
         let rejects_odd = FilterFn(|_: u32, _: &Ray, hit: &Hit| {
             assert_eq!(hit.geometry, 1);
-            hit.primitive % 2 == 0
+            hit.primitive.is_multiple_of(2)
         });
         let mut random = Random::new(33);
         let mut rejected = 0;
@@ -203,7 +203,7 @@ fn only_translucent_geometry_asks_the_filter() {
             let (mut all, mut kept) = (vec![], vec![]);
             blas.all_hits(&ray, &ANY, &AcceptAll, &mut all);
             blas.all_hits(&ray, &ANY, &rejects_odd, &mut kept);
-            let passes = |h: &Hit| h.geometry == 0 || h.primitive % 2 == 0;
+            let passes = |h: &Hit| h.geometry == 0 || h.primitive.is_multiple_of(2);
             rejected += all.len() - kept.len();
             all.retain(passes);
             assert_eq!(all, kept);
