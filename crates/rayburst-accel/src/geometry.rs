@@ -29,13 +29,15 @@ impl<'a> TriangleMesh<'a> {
     /// The corners of a triangle after the transform. All indices must have been checked.
     #[inline]
     pub(crate) fn triangle(&self, primitive: usize) -> [Vec3; 3] {
-        self.indices[primitive].map(|index| {
+        let [a, b, c] = self.indices[primitive];
+        let corner = |index: u32| {
             let p = self.positions[index as usize];
             match &self.transform {
                 Some(transform) => transform.transform_point3(p),
                 None => p,
             }
-        })
+        };
+        [corner(a), corner(b), corner(c)]
     }
 }
 

@@ -34,7 +34,7 @@ impl ShearRay {
     /// From an origin and a direction whose longest component is neither huge nor tiny.
     #[inline(always)]
     pub fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
-        let [x, y, z] = direction.map(f32::abs);
+        let (x, y, z) = (direction[0].abs(), direction[1].abs(), direction[2].abs());
         let kz = if x >= y && x >= z {
             0
         } else if y >= z {

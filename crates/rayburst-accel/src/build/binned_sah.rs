@@ -114,13 +114,14 @@ impl Binning {
         Self { lower: centroids.lower, scale }
     }
 
-    /// The bin of a primitive on each axis; the fourth lane is meaningless.
+    /// The bin of a primitive on each axis.
     #[inline(always)]
-    fn bins(&self, reference: &PrimitiveRef) -> [usize; 4] {
+    fn bins(&self, reference: &PrimitiveRef) -> [usize; 3] {
         // Adding 1.5 · 2²³ leaves a small number, rounded, in the low bits of the mantissa.
         const ROUND: Vec4 = Vec4::splat((3 << 22) as f32);
         let position = (reference.lower() + reference.upper() - self.lower) * self.scale + ROUND;
-        position.to_array().map(|x| (x.to_bits() as usize) % MAX_BINS)
+        let bin = |x: f32| x.to_bits() as usize % MAX_BINS;
+        [bin(position.x), bin(position.y), bin(position.z)]
     }
 }
 

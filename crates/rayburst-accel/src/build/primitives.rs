@@ -61,13 +61,14 @@ pub(crate) fn is_traceable(bounds: &Aabb) -> bool {
 /// The area is tested in `f64`, where edges and the products of their coordinates are exact for
 /// most `f32`: corners on one line give zero, not a sliver of rounding errors.
 fn active_bounds(corners: [Vec3; 3]) -> Option<Aabb> {
+    let [a, b, c] = corners;
     // NaN would vanish in minima and maxima.
-    if !corners.iter().all(|corner| corner.is_finite()) {
+    if !(a.is_finite() && b.is_finite() && c.is_finite()) {
         return None;
     }
-    let bounds = Aabb::of_points(corners);
-    let [a, b, c] = corners.map(|corner| corner.as_dvec3());
-    let (p, q) = (b - a, c - a);
+    let bounds = Aabb { lower: a.min(b).min(c), upper: a.max(b).max(c) };
+    let a = a.as_dvec3();
+    let (p, q) = (b.as_dvec3() - a, c.as_dvec3() - a);
     let has_area = p.x * q.y != p.y * q.x || p.y * q.z != p.z * q.y || p.z * q.x != p.x * q.z;
     (has_area && is_traceable(&bounds)).then_some(bounds)
 }
@@ -101,7 +102,8 @@ pub(crate) fn of_triangles(
 
 fn check_indices(geometry: usize, mesh: &TriangleMesh<'_>) -> Result<(), BuildError> {
     let vertices = mesh.positions.len();
-    let outside = |corners: &[u32; 3]| corners.iter().any(|&index| index as usize >= vertices);
+    let outside =
+        |corners: &[u32; 3]| corners[0].max(corners[1]).max(corners[2]) as usize >= vertices;
     match mesh.indices.par_iter().with_min_len(4096).position_first(outside) {
         None => Ok(()),
         Some(primitive) => {
