@@ -115,7 +115,7 @@ fn triangles4(
         let row = unsafe {
             _mm_load_ps(block.vertices.as_ptr().cast::<f32>().add(12 * corner + 4 * axes[k]))
         };
-        _mm_sub_ps(row, _mm_set1_ps(origin[axes[k]]))
+        _mm_sub_ps(row, _mm_set1_ps(origin[k]))
     };
     let sheared = |corner: usize| {
         let z = relative(corner, 2);

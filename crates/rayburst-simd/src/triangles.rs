@@ -47,10 +47,10 @@ impl ShearRay {
         let (kx, ky) = if direction[kz] < 0.0 { (last, next) } else { (next, last) };
         let shear =
             [direction[kx] / direction[kz], direction[ky] / direction[kz], 1.0 / direction[kz]];
-        Self { origin, axes: [kx, ky, kz], shear }
+        Self { origin: [origin[kx], origin[ky], origin[kz]], axes: [kx, ky, kz], shear }
     }
 
-    /// The origin.
+    /// The origin along the axes that become x, y and z.
     #[inline(always)]
     pub fn origin(&self) -> [f32; 3] {
         self.origin
@@ -98,7 +98,7 @@ pub(crate) fn sheared(
     lane: usize,
 ) -> (f32, f32, f32) {
     let vertex = &block.vertices[corner];
-    let relative = |k: usize| vertex[ray.axes[k]][lane] - ray.origin[ray.axes[k]];
+    let relative = |k: usize| vertex[ray.axes[k]][lane] - ray.origin[k];
     let z = relative(2);
     (relative(0) - ray.shear[0] * z, relative(1) - ray.shear[1] * z, ray.shear[2] * z)
 }
