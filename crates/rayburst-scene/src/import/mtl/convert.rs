@@ -16,13 +16,15 @@
 //!   from writers that mean `d 1`.
 //! - `map_Kd` replaces `Kd`, as in the programs that write these files; many leave black, their
 //!   default grey or the texture's mean in `Kd`.
+//! - A `map_Kd` with an alpha channel of its own makes `map_d` void: where both are there they hold
+//!   the same, and would count twice.
 //! - All surfaces are double-sided, as MTL has no other.
 
 use glam::Vec3;
 use rayburst_image::colour::luminance;
 
 use super::{MapRef, MapUse, MtlMaterial, TextureStore};
-use crate::{AlphaMode, Material, TextureSlot};
+use crate::{AlphaMode, Material, ShadingModel, TextureSlot};
 
 /// From this exponent on, reflections of `illum` 3 and 5 are taken for perfect.
 const MIRROR_EXPONENT: f32 = 500.0;
@@ -50,6 +52,8 @@ pub(crate) fn convert(mtl: &MtlMaterial, textures: &mut TextureStore<'_>) -> Con
         }
     }
     let colour_map = match (&mtl.diffuse_map, &mtl.specular_map) {
+        // What glass lets through is Tf's.
+        _ if material.model() == ShadingModel::Dielectric => None,
         (None, Some(map)) if material.metallic > 0.5 => Some(map),
         (diffuse, specular) => {
             if specular.is_some() {
@@ -177,16 +181,16 @@ fn read_alpha(
     material: &mut Material,
     textures: &mut TextureStore<'_>,
 ) {
-    use crate::ShadingModel::{Dielectric, Mirror};
-    if matches!(material.model(), Dielectric | Mirror) {
+    if matches!(material.model(), ShadingModel::Dielectric | ShadingModel::Mirror) {
         return;
     }
+    let of_color = textures.alpha_mode(material.base_color_texture);
     let by_image = match &mtl.alpha_map {
-        Some(map) => {
+        Some(map) if of_color == AlphaMode::Opaque => {
             material.alpha_texture = textures.slot(map, MapUse::Alpha);
             textures.alpha_mode(material.alpha_texture)
         }
-        None => textures.alpha_mode(material.base_color_texture),
+        _ => of_color,
     };
     material.base_color[3] = alpha;
     // Water and panes share their atlas with leaves; `illum` tells them apart.
