@@ -48,6 +48,17 @@ impl FlatScene {
         }
         alpha
     }
+
+    /// The probability with which [`AlphaFilter`] stops a ray at a hit.
+    pub fn coverage(&self, hit: &Hit) -> f32 {
+        let (_, geometry) = self.records(hit);
+        let Some(material) = self.materials.get(geometry.material as usize) else { return 1.0 };
+        match material.alpha_mode() {
+            AlphaMode::Opaque => 1.0,
+            AlphaMode::Mask => f32::from(u8::from(self.alpha(hit) >= material.alpha_cutoff)),
+            AlphaMode::Blend => self.alpha(hit).clamp(0.0, 1.0),
+        }
+    }
 }
 
 /// Stops rays where alpha says so.
@@ -67,23 +78,17 @@ impl<'a> AlphaFilter<'a> {
 impl CandidateFilter for AlphaFilter<'_> {
     #[inline]
     fn accept(&self, ray_index: u32, _: &Ray, candidate: &Hit) -> bool {
-        let (_, geometry) = self.scene.records(candidate);
-        let Some(material) = self.scene.materials.get(geometry.material as usize) else {
-            return true;
-        };
-        match material.alpha_mode() {
-            AlphaMode::Opaque => true,
-            AlphaMode::Mask => self.scene.alpha(candidate) >= material.alpha_cutoff,
-            AlphaMode::Blend => {
-                let number = hash::words(&[
-                    self.keys[ray_index as usize],
-                    candidate.instance,
-                    candidate.geometry,
-                    candidate.primitive,
-                ]);
-                hash::to_unit(number) < self.scene.alpha(candidate)
-            }
+        let coverage = self.scene.coverage(candidate);
+        if coverage == 0.0 || coverage == 1.0 {
+            return coverage == 1.0;
         }
+        let number = hash::words(&[
+            self.keys[ray_index as usize],
+            candidate.instance,
+            candidate.geometry,
+            candidate.primitive,
+        ]);
+        hash::to_unit(number) < coverage
     }
 }
 

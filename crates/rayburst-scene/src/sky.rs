@@ -34,13 +34,13 @@ const OZONE: Vec3 = Vec3::new(0.650e-3, 1.881e-3, 0.085e-3);
 const RAYLEIGH_HEIGHT: f32 = 8.0;
 const MIE_HEIGHT: f32 = 1.2;
 /// Asymmetry of the aerosol's phase function.
-const MIE_G: f32 = 0.76;
+const MIE_G: f32 = 0.8;
 /// Fraction of light that aerosol scatters rather than absorbs.
 const MIE_ALBEDO: f32 = 0.9;
 /// Size of the baked map.
 const SIZE: (u32, u32) = (512, 256);
 /// How far below the horizon the ground has fully taken over, as the sine of the angle.
-const HORIZON_FADE: f32 = 0.1;
+const HORIZON_FADE: f32 = 0.15;
 
 /// A clear sky.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,8 +58,8 @@ impl Default for Sky {
     fn default() -> Self {
         Self {
             sun_direction: Vec3::new(0.55, 0.75, 0.5).normalize(),
-            turbidity: 2.5,
-            ground_albedo: 0.25,
+            turbidity: 2.0,
+            ground_albedo: 0.2,
         }
     }
 }
@@ -254,7 +254,7 @@ impl Atmosphere {
 impl Sky {
     /// The sky as an environment map in cd/m² and the sun as a directional light in lux.
     ///
-    /// Takes a few tens of milliseconds. The sun is not in the map.
+    /// Takes about a tenth of a second. The sun is not in the map.
     pub fn bake(&self) -> (EnvironmentMap, Light) {
         let sun = self.sun_direction.normalize_or(Vec3::Y);
         let air = Atmosphere::new(self);

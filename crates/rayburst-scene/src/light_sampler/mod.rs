@@ -321,7 +321,8 @@ fn sample_emitter(
     if !material.is_double_sided() && area_vector.dot(direction) >= 0.0 {
         return None;
     }
-    let mut radiance = Vec3::from_array(material.emissive);
+    // A scattered ray would find the lamp only where alpha does not let it pass.
+    let mut radiance = Vec3::from_array(material.emissive) * scene.coverage(&hit);
     let slot = &material.emissive_texture;
     if slot.index().is_some() {
         radiance *= scene.texture(slot, scene.uv_at(&hit, slot.uv_set), 0.0).truncate();

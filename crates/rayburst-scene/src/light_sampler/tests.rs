@@ -202,6 +202,26 @@ fn backs_of_one_sided_lamps_are_dark() {
 }
 
 #[test]
+fn thin_lamps_shine_by_their_coverage() {
+    let mut scene = Scene::default();
+    let lamp = Material {
+        base_color: [0.0, 0.0, 0.0, 0.25],
+        alpha_mode: crate::AlphaMode::Blend as u32,
+        ..Material::emitter(Vec3::splat(8.0))
+    };
+    scene.add_material("lamp", lamp);
+    let up = |x: f32, z: f32| Vec3::new(x, 1.0, z);
+    scene.add_mesh(
+        "lamp",
+        vec![quad([up(-1.0, 1.0), up(1.0, 1.0), up(1.0, -1.0), up(-1.0, -1.0)], 0)],
+    );
+    let scene = flatten(&scene);
+    let lights = LightSampler::new(&scene);
+    let sample = lights.sample_from(&scene, Vec3::ZERO, 0.3, Vec2::splat(0.4)).unwrap();
+    assert_eq!(sample.radiance, Vec3::splat(2.0));
+}
+
+#[test]
 fn every_kind_of_light_has_its_share() {
     let mut scene = lamps();
     scene.lights = vec![
