@@ -97,6 +97,24 @@ fn rough_models() -> Vec<(String, Bsdf)> {
 }
 
 #[test]
+fn weights_are_bounded() {
+    // A weight far above one is a firefly in a picture.
+    let mut rng = Rng::new(13);
+    for (metallic, ior) in [(0.0, 1.5), (1.0, 1.5), (0.5, 1.2)] {
+        for roughness in ROUGHNESSES {
+            let bsdf = Bsdf::metallic_roughness(Vec3::ONE, metallic, roughness, ior, true);
+            let mut most = 0.0f32;
+            for _ in 0..20_000 {
+                let wo = direction(rng.f32().powi(2).max(1e-4), 0.3);
+                let sample = bsdf.sample(wo, rng.vec3());
+                most = sample.map_or(most, |s| most.max(s.weight.x));
+            }
+            assert!(most < 16.0, "metallic {metallic} ior {ior} roughness {roughness}: {most}");
+        }
+    }
+}
+
+#[test]
 fn samples_follow_their_density() {
     for (name, bsdf) in rough_models() {
         for cos in [0.3, 0.6, 1.0] {
