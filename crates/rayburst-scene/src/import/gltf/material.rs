@@ -101,6 +101,10 @@ fn convert(
         // 0 stands for an endless index, a coat that reflects everything.
         material.ior = if ior == 0.0 { 1e4 } else { finite(ior, 1.5).clamp(1.0, 1e4) };
     }
+    if json.emissive_texture.is_some() && material.emissive_texture.index().is_none() {
+        // Without its picture all of the surface would glow.
+        material.emissive = [0.0; 3];
+    }
     if json.extensions.unlit.is_some() {
         material.model = ShadingModel::Unlit as u32;
         material.emissive = [0.0; 3];

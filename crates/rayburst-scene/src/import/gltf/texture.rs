@@ -193,12 +193,19 @@ impl<'s> TextureTable<'s> {
                 decoded.textures.push(Texture { image, ..*texture });
             }
         }
-        for slot in materials.iter_mut().flat_map(Material::slots_mut) {
-            if let Some(texture) = slot.index() {
-                match texture_at[texture] {
-                    Some(at) => slot.texture = at,
-                    None => *slot = TextureSlot::NONE,
+        for material in materials {
+            let glows_by_texture = material.emissive_texture.index().is_some();
+            for slot in material.slots_mut() {
+                if let Some(texture) = slot.index() {
+                    match texture_at[texture] {
+                        Some(at) => slot.texture = at,
+                        None => *slot = TextureSlot::NONE,
+                    }
                 }
+            }
+            if glows_by_texture && material.emissive_texture.index().is_none() {
+                // Without its picture all of the surface would glow.
+                material.emissive = [0.0; 3];
             }
         }
         Ok(decoded)
