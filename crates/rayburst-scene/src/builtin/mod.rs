@@ -6,6 +6,7 @@ mod city;
 mod cornell;
 mod dof;
 mod furnace;
+mod gradient;
 mod hairball;
 mod hemisphere_room;
 mod outdoors;

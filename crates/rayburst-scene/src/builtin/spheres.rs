@@ -5,7 +5,7 @@
 
 use glam::Vec3;
 
-use super::{Values, checker::add_checker, new_scene, outdoors::Gradient, view::view};
+use super::{Values, checker::add_checker, gradient::Gradient, new_scene, view::view};
 use crate::{
     Light, LightKind, Material, Scene, TextureSlot,
     shapes::{self, Shape},
