@@ -43,9 +43,10 @@ enum Stuff {
     CarWhite,
     CarBlue,
     CarBlack,
+    Land,
 }
 
-const STUFF: [(Stuff, &str, Material); 16] = {
+const STUFF: [(Stuff, &str, Material); 17] = {
     const fn matt(r: f32, g: f32, b: f32) -> Material {
         Material {
             base_color: [r, g, b, 1.0],
@@ -75,6 +76,7 @@ const STUFF: [(Stuff, &str, Material); 16] = {
         (Stuff::CarWhite, "white car", gloss(0.70, 0.70, 0.68, 0.25)),
         (Stuff::CarBlue, "blue car", gloss(0.03, 0.08, 0.30, 0.25)),
         (Stuff::CarBlack, "black car", gloss(0.02, 0.02, 0.022, 0.25)),
+        (Stuff::Land, "land", matt(0.16, 0.17, 0.10)),
     ]
 };
 
@@ -112,12 +114,9 @@ pub(super) fn build(values: &Values) -> Scene {
     let half = 0.5 * (blocks as f32).sqrt() * PITCH.0.max(PITCH.1);
 
     let mut scene = new_scene("city");
-    let ground = 40.0 * half;
-    city.add(
-        Stuff::Asphalt,
-        Vec3::new(-ground, -1.0, -ground),
-        Vec3::new(2.0 * ground, 1.0, 2.0 * ground),
-    );
+    city.add(Stuff::Asphalt, Vec3::new(-half, -0.5, -half), Vec3::new(2.0 * half, 0.5, 2.0 * half));
+    let land = 30.0 * half + 5000.0;
+    city.add(Stuff::Land, Vec3::new(-land, -1.0, -land), Vec3::new(2.0 * land, 0.95, 2.0 * land));
     for (shape, (_, name, material)) in city.shapes.into_iter().zip(STUFF) {
         let material = scene.add_material(name, material);
         if !shape.indices.is_empty() {
@@ -125,10 +124,10 @@ pub(super) fn build(values: &Values) -> Scene {
         }
     }
     add_daylight(&mut scene, Vec3::new(-0.75, 0.62, 0.5));
-    let eye = Vec3::new(0.35 * half, 150.0 + 0.15 * half, 0.95 * half);
-    scene.views.push(view("air", eye, Vec3::new(-0.05 * half, 25.0, 0.05 * half), 40.0));
+    let eye = Vec3::new(0.42 * half, 70.0 + 0.14 * half, 1.12 * half);
+    scene.views.push(view("air", eye, Vec3::new(-0.02 * half, 45.0, 0.0), 36.0));
     let crossing = Vec3::new(-0.5 * PITCH.0, 0.0, 0.5 * PITCH.1);
-    let eye = crossing + Vec3::new(3.2, 1.8, 1.4 * PITCH.1);
+    let eye = crossing + Vec3::new(0.4, 1.7, 1.4 * PITCH.1);
     scene.views.push(view("street", eye, crossing + Vec3::new(0.0, 14.0, -1.2 * PITCH.1), 58.0));
     scene
 }

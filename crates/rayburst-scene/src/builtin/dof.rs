@@ -15,7 +15,7 @@ use rayburst_math::hash::Rng;
 pub(super) const PARAMETERS: &[Parameter] = &[Parameter {
     name: "aperture",
     meaning: "diameter of the lens in millimetres; 0 is a pinhole",
-    kind: ParameterKind::Number { default: 40.0, min: 0.0, max: 500.0 },
+    kind: ParameterKind::Number { default: 60.0, min: 0.0, max: 500.0 },
 }];
 
 /// Linear colours of the glazes, from the nearest teapot on.
@@ -29,9 +29,9 @@ const GLAZES: [Vec3; 5] = [
 
 pub(super) fn build(values: &Values) -> Scene {
     let mut scene = new_scene("dof");
-    scene.environment = Some(Environment::Constant(Vec3::new(14.0, 19.0, 30.0)));
+    scene.environment = Some(Environment::Constant(Vec3::new(4.0, 6.0, 11.0)));
 
-    let table = scene.add_material("table", Material::plastic(Vec3::new(0.16, 0.11, 0.08), 0.35));
+    let table = scene.add_material("table", Material::plastic(Vec3::new(0.11, 0.055, 0.03), 0.3));
     let mut top = Shape::default();
     let (half, far) = (12.0, -24.0);
     top.add_quad([
@@ -77,17 +77,18 @@ pub(super) fn build(values: &Values) -> Scene {
     let mut bulbs = vec![Shape::default(); tints.len()];
     let mut rng = Rng::new(26_24);
     for i in 0..44 {
-        let center = Vec3::new(rng.range(-3.2, 6.2), rng.range(0.15, 2.6), rng.range(-9.0, -6.5));
-        let bulb = shapes::sphere(center, rng.range(0.05, 0.075), 2);
+        let center = Vec3::new(rng.range(-3.0, 4.6), rng.range(0.2, 2.2), rng.range(-8.0, -5.5));
+        let bulb = shapes::sphere(center, rng.range(0.06, 0.09), 2);
         bulbs[i % tints.len()].append(&bulb);
     }
     for (i, (shape, tint)) in bulbs.into_iter().zip(tints).enumerate() {
-        let glow = Material { flags: 0, ..Material::emitter(tint * 900.0) };
+        let glow = Material { flags: 0, ..Material::emitter(tint * 700.0) };
         let glow = scene.add_material(&format!("bulbs {}", i + 1), glow);
         scene.add_mesh(&format!("bulbs {}", i + 1), vec![shape.into_primitive(glow)]);
     }
 
-    let table_level = view("table", Vec3::new(-0.55, 0.42, 1.25), Vec3::new(0.06, 0.1, -0.6), 30.0);
+    let table_level =
+        view("table", Vec3::new(-0.42, 0.30, 1.05), Vec3::new(0.03, 0.14, -0.5), 31.0);
     let aperture = values.get("aperture") as f32 * 0.001;
     scene.views.push(with_lens(table_level, aperture, second));
     scene

@@ -64,7 +64,7 @@ pub(super) fn build(values: &Values) -> Scene {
     ]);
     scene.add_mesh("floor", vec![floor.into_primitive(stone)]);
     add_daylight(&mut scene, Vec3::new(-0.6, 0.75, 0.6));
-    scene.views.push(view("front", Vec3::new(0.0, 0.75, 4.4), Vec3::new(0.0, -0.1, 0.0), 34.0));
+    scene.views.push(view("front", Vec3::new(0.0, 0.7, 4.9), Vec3::new(0.04, -0.09, 0.0), 34.0));
     scene
 }
 

@@ -52,14 +52,13 @@ pub(super) fn build(values: &Values) -> Scene {
     add("blades", pitch.blades, Material::diffuse(Vec3::new(0.16, 0.31, 0.05)));
 
     // Newell's unit in metres: a pot as tall as the real one, 0.2 m.
-    let place = Vec3::new(0.0, 0.004, 0.0);
-    let pot = shapes::teapot(32).placed(0.065, trig::rotation_y(-0.5), place);
-    add("teapot", pot, Material::plastic(Vec3::new(0.62, 0.58, 0.50), 0.2));
+    let pot = shapes::teapot(32).placed(0.065, trig::rotation_y(1.15), Vec3::Y * 0.004);
+    add("teapot", pot, Material::plastic(Vec3::new(0.52, 0.085, 0.03), 0.2));
 
-    add_daylight(&mut scene, Vec3::new(-0.55, 0.62, 0.56));
-    let close = Vec3::new(0.12, 0.26, 0.86);
-    scene.views.push(view("teapot", close, Vec3::new(0.03, 0.155, 0.0), 40.0));
-    let tribune = Vec3::new(34.0, 24.0, 58.0);
-    scene.views.push(view("tribune", tribune, Vec3::new(-4.0, 2.0, 0.0), 55.0));
+    add_daylight(&mut scene, Vec3::new(0.62, 0.60, 0.50));
+    let close = Vec3::new(0.74, 0.21, 0.13);
+    scene.views.push(view("teapot", close, Vec3::new(0.0, 0.135, 0.012), 40.0));
+    let tribune = Vec3::new(22.0, 8.6, 51.0);
+    scene.views.push(view("tribune", tribune, Vec3::new(-8.0, 0.5, 0.0), 52.0));
     scene
 }

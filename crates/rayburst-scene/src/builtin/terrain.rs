@@ -20,6 +20,8 @@ pub(super) const PARAMETERS: &[Parameter] = &[Parameter {
 
 /// Side of the square, metres.
 const SIDE: f32 = 6000.0;
+/// Distance between ridges, about.
+const FEATURE: f32 = 1600.0;
 /// Height of the highest peaks above the lake, about.
 const PEAK: f32 = 1500.0;
 
@@ -42,27 +44,36 @@ pub(super) fn build(values: &Values) -> Scene {
     scene.add_mesh("lake", vec![lake.into_primitive(water)]);
 
     add_daylight(&mut scene, Vec3::new(-0.72, 0.42, 0.45));
-    let eye = Vec3::new(0.0, 620.0, 2700.0);
-    scene.views.push(view("lake", eye, Vec3::new(0.0, 250.0, 0.0), 42.0));
+    let octaves = octaves(cells);
+    let above =
+        |x: f32, z: f32, by: f32| Vec3::new(x, height(Vec2::new(x, z), octaves).max(0.0) + by, z);
+    let eye = above(300.0, 1750.0, 130.0);
+    scene.views.push(view("lake", eye, Vec3::new(-160.0, 230.0, -900.0), 44.0));
+    let eye = above(-900.0, 700.0, 120.0);
+    scene.views.push(view("shore", eye, Vec3::new(300.0, 120.0, -600.0), 50.0));
     scene
 }
 
 /// Height above the lake at a place in metres.
 fn height(place: Vec2, octaves: u32) -> f32 {
-    let p = place * (1.0 / 1900.0);
+    let p = place * (1.0 / FEATURE);
     let warp = Vec2::new(noise::fbm(p * 0.9, 3, 101), noise::fbm(p * 0.9, 3, 202));
     let ridges = noise::ridged(p + warp * 0.55, octaves, 7);
-    // Low in the middle, where the lake is; high towards the far corners.
-    let bowl = (place * (2.0 / SIDE)).length_squared().min(1.0);
+    // Low in the middle, where the lake is; high towards the corners.
+    let bowl = (place * (2.0 / SIDE)).length_squared().min(1.2);
     let broad = noise::fbm(p * 0.6, 2, 33);
-    PEAK * (ridges * (0.35 + 0.75 * bowl) + 0.25 * broad - 0.17)
+    PEAK * (ridges * (0.10 + 0.95 * bowl) + 0.22 * broad - 0.09)
+}
+
+/// Octaves of detail: none finer than two cells.
+fn octaves(cells: u32) -> u32 {
+    (31 - (cells / 4).max(1).leading_zeros()).clamp(3, 12)
 }
 
 fn height_field(cells: u32, material: u32) -> Primitive {
     let side = cells + 1;
     let step = SIDE / cells as f32;
-    // No detail finer than two cells.
-    let octaves = (31 - (cells / 4).max(1).leading_zeros()).clamp(3, 12);
+    let octaves = octaves(cells);
     let place = |i: u32| (i as f32 - 0.5 * cells as f32) * step;
     let at = |x: i64, z: i64| {
         let fit = |i: i64| (i as f32 - 0.5 * cells as f32) * step;
@@ -129,7 +140,7 @@ fn color(position: Vec3, normal: Vec3) -> Vec3 {
     let green = meadow.lerp(forest, fade(-0.15, 0.2, patches));
     let mut color = sand.lerp(green, fade(6.0, 32.0, position.y + 20.0 * patches));
     color = color.lerp(rock, fade(0.80, 0.66, normal.y + 0.08 * patches));
-    color = color.lerp(rock, fade(330.0, 520.0, position.y + 160.0 * patches));
+    color = color.lerp(rock, fade(380.0, 600.0, position.y + 160.0 * patches));
     let steep = fade(0.56, 0.74, normal.y);
-    color.lerp(snow, steep * fade(480.0, 640.0, position.y + 140.0 * patches))
+    color.lerp(snow, steep * fade(560.0, 760.0, position.y + 140.0 * patches))
 }
