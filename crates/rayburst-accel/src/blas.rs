@@ -53,7 +53,7 @@ impl Blas {
         let primitives = refs.len();
         let bins = match options.quality {
             BuildQuality::Fast => 8,
-            BuildQuality::Balanced => 16,
+            BuildQuality::Balanced => 32,
         };
         let binary = BinnedSah { bins, leaf_size: BLOCK }.build(refs);
         let tree = Bvh8::collapse(&binary, &leaves)?;

@@ -15,8 +15,8 @@ use rayburst_simd::{Isa, IsaLevel};
 use rayon::prelude::*;
 
 use crate::{
-    Blas, BuildError, BuildOptions, BuildStats, BvhDefect, CandidateFilter, Instance, TraceOptions,
-    ValidationReport,
+    Blas, BuildError, BuildOptions, BuildStats, BvhDefect, CandidateFilter, Instance,
+    InstanceFlags, TraceOptions, ValidationReport,
     build::{
         binned_sah::BinnedSah,
         primitives::{MAX_PRIMITIVES, PrimitiveRef, is_traceable},
@@ -28,7 +28,7 @@ use crate::{
         count::Count,
         prepare::PreparedRay,
         query::{Asker, Place, Query, trace_blas},
-        walk::walk,
+        walk::{Stack, walk},
     },
     validate,
 };
@@ -39,13 +39,26 @@ pub struct Tlas {
     tree: Bvh8,
     blases: Vec<Arc<Blas>>,
     instances: Vec<Instance>,
-    inverses: Vec<Affine3A>,
+    placed: Vec<Placed>,
+    /// The only instance that can be hit, if there is just one: rays go straight there.
+    sole: Option<u32>,
     /// The greatest κ of the instances.
     condition: f32,
     /// The greatest coordinate of an instance's translation or of the bounds.
     reach: f32,
     stats: BuildStats,
     isa: IsaLevel,
+}
+
+/// What a ray needs to know of an instance.
+#[derive(Clone, Copy, Debug)]
+struct Placed {
+    inverse: Affine3A,
+    blas: u32,
+    mask: u8,
+    flags: InstanceFlags,
+    /// Whether the instance's space is the world.
+    identity: bool,
 }
 
 /// What the world needs to know of an instance.
@@ -91,6 +104,7 @@ impl Tlas {
             .fold(0.0, f32::max);
 
         let primitives = refs.len();
+        let sole = refs.first().filter(|_| primitives == 1).map(PrimitiveRef::index);
         let binary = BinnedSah { bins: 16, leaf_size: 1 }.build(refs);
         let tree = Bvh8::collapse(&binary, &InstanceLeaves)?;
         let bounds = tree.bounds;
@@ -99,7 +113,17 @@ impl Tlas {
         } else {
             bounds.lower.abs().max(bounds.upper.abs()).max_element()
         };
-        let inverses: Vec<_> = placements.into_iter().map(|p| p.inverse).collect();
+        let placed: Vec<_> = placements
+            .iter()
+            .zip(instances)
+            .map(|(placement, instance)| Placed {
+                inverse: placement.inverse,
+                blas: instance.blas,
+                mask: instance.mask,
+                flags: instance.flags,
+                identity: instance.transform == Affine3A::IDENTITY,
+            })
+            .collect();
         let stats = BuildStats {
             primitives,
             inactive: instances.len() - primitives,
@@ -107,14 +131,15 @@ impl Tlas {
             leaves: tree.shape.leaves,
             depth: tree.shape.depth,
             sah_cost: tree.shape.sah_cost,
-            bytes: tree.bytes() + size_of_val(instances) + size_of_val(inverses.as_slice()),
+            bytes: tree.bytes() + size_of_val(instances) + size_of_val(placed.as_slice()),
             seconds: begin.elapsed().as_secs_f64(),
         };
         Ok(Self {
             tree,
             blases,
             instances: instances.to_vec(),
-            inverses,
+            placed,
+            sole,
             condition,
             reach: corner.max(translation),
             stats,
@@ -155,7 +180,46 @@ impl Tlas {
     /// From the world to an instance's space: the inverse by which rays are transformed. Zero if the
     /// instance's transform has no inverse.
     pub fn world_to_object(&self, instance: u32) -> Affine3A {
-        self.inverses[instance as usize]
+        self.placed[instance as usize].inverse
+    }
+
+    /// Asks a query of one instance; `world` is the ray as prepared for all of them.
+    #[inline(always)]
+    fn enter<I: Isa, Q: Query, F: CandidateFilter, C: Count>(
+        &self,
+        isa: I,
+        index: u32,
+        world: Option<&PreparedRay>,
+        asker: &Asker<'_, F>,
+        options: &TraceOptions,
+        stack: &mut Stack,
+        query: &mut Q,
+        count: &mut C,
+    ) -> ControlFlow<()> {
+        let placed = &self.placed[index as usize];
+        if placed.mask & options.mask == 0 {
+            return ControlFlow::Continue(());
+        }
+        count.instance();
+        let blas = &*self.blases[placed.blas as usize];
+        let place = Place::new(blas, index, placed.flags, options);
+        let local;
+        let prepared = match world {
+            // Prepared for a larger box: as conservative as need be.
+            Some(world) if placed.identity => world,
+            _ => {
+                let origin = placed.inverse.transform_point3(asker.ray.origin);
+                let direction = placed.inverse.transform_vector3(asker.ray.direction);
+                let ray = Ray { origin, direction, ..*asker.ray };
+                let bounds = blas.bounds();
+                match PreparedRay::new(origin, direction, &bounds, 0.0) {
+                    Some(prepared) if ray.is_valid() => local = prepared,
+                    _ => return ControlFlow::Continue(()),
+                }
+                &local
+            }
+        };
+        trace_blas(isa, &place, prepared, asker, stack, query, count)
     }
 
     /// Proves the structure, not its BLASes.
@@ -243,6 +307,10 @@ impl Structure for Tlas {
         count: &mut C,
     ) -> ControlFlow<()> {
         let ray: &Ray = asker.ray;
+        let Stacks { top, bottom } = stacks;
+        if let Some(index) = self.sole {
+            return self.enter(isa, index, None, asker, options, bottom, query, count);
+        }
         let slack = 4.0
             * f32::EPSILON
             * self.condition
@@ -252,26 +320,10 @@ impl Structure for Tlas {
             return ControlFlow::Continue(());
         };
         let mut span = world.span(ray.t_min, query.t_max());
-        let Stacks { top, bottom } = stacks;
         let leaf = |index: u32, span: &mut _, count: &mut C| {
-            let instance = &self.instances[index as usize];
-            if instance.mask & options.mask == 0 {
-                return ControlFlow::Continue(());
-            }
-            count.instance();
-            let blas = &self.blases[instance.blas as usize];
-            let inverse = &self.inverses[index as usize];
-            let origin = inverse.transform_point3(ray.origin);
-            let direction = inverse.transform_vector3(ray.direction);
-            let local = Ray { origin, direction, ..*ray };
-            if local.is_valid()
-                && let Some(local) = PreparedRay::new(origin, direction, &blas.bounds(), 0.0)
-            {
-                let place = Place::new(blas, index, instance.flags, options);
-                trace_blas(isa, &place, &local, asker, bottom, query, count)?;
-                if Q::ORDERED {
-                    *span = world.span(ray.t_min, query.t_max());
-                }
+            self.enter(isa, index, Some(&world), asker, options, bottom, query, count)?;
+            if Q::ORDERED {
+                *span = world.span(ray.t_min, query.t_max());
             }
             ControlFlow::Continue(())
         };

@@ -22,3 +22,6 @@ pub use isa::{Isa, Kernel};
 pub use level::{ISA_VARIABLE, IsaError, IsaLevel};
 pub use scalar::Scalar;
 pub use triangles::{ShearRay, TriangleHits, Triangles4};
+
+#[cfg(test)]
+mod tests;

@@ -1,8 +1,8 @@
 //! The 8-wide tree that is traced, and its making from a binary one.
 //!
 //! Wide nodes after Wald, Benthin, Boulos, "Getting rid of packets", 2008, and Dammertz, Hanika,
-//! Keller, "Shallow bounding volume hierarchies", 2008: a node takes in the inner child of largest
-//! area until it has eight children.
+//! Keller, "Shallow bounding volume hierarchies", 2008; [`super::collapse`] says which binary nodes
+//! become children.
 //!
 //! Layout, in cache lines of 64 bytes: a node of four lines, right after it the blocks of its leaves
 //! (2½ lines each), then the subtrees of its inner children. A [`Reference`] counts half lines.
@@ -19,6 +19,7 @@ use rayon::prelude::*;
 use super::{
     arena::{Line, allocate},
     bvh2::{Bvh2, Node2},
+    collapse::{Children, Collapse},
 };
 use crate::BuildError;
 
@@ -102,8 +103,6 @@ const PARALLEL_LEVELS: usize = 3;
 impl Bvh8 {
     /// Makes the wide tree from a binary one.
     pub(crate) fn collapse<L: Leaves>(tree: &Bvh2, leaves: &L) -> Result<Self, BuildError> {
-        let sizes = tree.nodes.iter().map(|_| AtomicU32::new(0)).collect();
-        let writer = Writer { tree, leaves, sizes };
         if tree.nodes.is_empty() {
             let mut lines = allocate(NODE_LINES)?;
             let node =
@@ -112,6 +111,8 @@ impl Bvh8 {
             let shape = Shape { nodes: 1, depth: 1, ..Shape::default() };
             return Ok(Self { lines, bounds: Aabb::EMPTY, shape });
         }
+        let sizes = tree.nodes.iter().map(|_| AtomicU32::new(0)).collect();
+        let writer = Writer { tree, collapse: Collapse::new(tree), leaves, sizes };
         let bounds = tree.nodes[0].bounds;
         let plan = writer.plan(0, 0);
         let mut lines = allocate(plan.lines)?;
@@ -190,22 +191,10 @@ struct Plan {
 
 struct Writer<'a, L> {
     tree: &'a Bvh2,
+    collapse: Collapse<'a>,
     leaves: &'a L,
     /// Lines of the subtree of each binary node that becomes the root of a wide one.
     sizes: Vec<AtomicU32>,
-}
-
-/// Up to eight binary nodes that become the children of a wide one.
-#[derive(Default)]
-struct Children {
-    nodes: [u32; 8],
-    count: usize,
-}
-
-impl Children {
-    fn as_slice(&self) -> &[u32] {
-        &self.nodes[..self.count]
-    }
 }
 
 impl<L: Leaves> Writer<'_, L> {
@@ -217,29 +206,8 @@ impl<L: Leaves> Writer<'_, L> {
         &self.tree.order[node.first as usize..][..node.count as usize]
     }
 
-    /// Takes in the inner child of largest area until there are eight children.
     fn children(&self, root: u32) -> Children {
-        let mut children = Children { nodes: [root; 8], count: 1 };
-        let mut opened = Some(0);
-        while let Some(slot) = opened.filter(|&slot| !self.node(children.nodes[slot]).is_leaf()) {
-            let first = self.node(children.nodes[slot]).first;
-            children.nodes[slot] = first;
-            children.nodes[children.count] = first + 1;
-            children.count += 1;
-            if children.count == 8 {
-                break;
-            }
-            let mut largest = f32::NEG_INFINITY;
-            opened = None;
-            for (slot, &child) in children.as_slice().iter().enumerate() {
-                let node = self.node(child);
-                if !node.is_leaf() && node.bounds.half_area() > largest {
-                    largest = node.bounds.half_area();
-                    opened = Some(slot);
-                }
-            }
-        }
-        children
+        self.collapse.children(root)
     }
 
     fn leaf_lines(leaves: usize) -> usize {
@@ -251,7 +219,7 @@ impl<L: Leaves> Writer<'_, L> {
         let children = self.children(root);
         let inner: Vec<u32> =
             children.as_slice().iter().copied().filter(|&c| !self.node(c).is_leaf()).collect();
-        let leaves = children.count - inner.len();
+        let leaves = children.as_slice().len() - inner.len();
         let plans: Vec<Plan> = if level < PARALLEL_LEVELS {
             inner.par_iter().map(|&child| self.plan(child, level + 1)).collect()
         } else {

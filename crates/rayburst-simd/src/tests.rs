@@ -1,0 +1,173 @@
+//! Every instruction set against [`Scalar`], and [`Scalar`] against what it means.
+
+use crate::{Boxes8, Isa, IsaLevel, Kernel, Scalar, ShearRay, SlabRay, TriangleHits, Triangles4};
+
+/// A reproducible stream of numbers in [−1, 1).
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f32 {
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 40) as f32 / (1u64 << 23) as f32 - 1.0
+    }
+
+    fn vector(&mut self) -> [f32; 3] {
+        [self.next(), self.next(), self.next()]
+    }
+}
+
+struct Slab<'a>(&'a Boxes8, &'a SlabRay, f32, f32);
+
+impl Kernel for Slab<'_> {
+    type Output = (u32, [f32; 8]);
+
+    #[inline(always)]
+    fn run<I: Isa>(self, isa: I) -> Self::Output {
+        let mut distances = [0.0; 8];
+        let mask = isa.slab8(self.0, self.1, self.2, self.3, &mut distances);
+        (mask, distances)
+    }
+}
+
+struct Test<'a>(&'a Triangles4, &'a ShearRay, f32, f32);
+
+impl Kernel for Test<'_> {
+    type Output = TriangleHits;
+
+    #[inline(always)]
+    fn run<I: Isa>(self, isa: I) -> TriangleHits {
+        let mut hits = TriangleHits::default();
+        let mask = isa.triangles4(self.0, self.1, self.2, self.3, &mut hits);
+        assert_eq!(mask, hits.mask);
+        hits
+    }
+}
+
+fn random_boxes(random: &mut Random) -> Boxes8 {
+    let mut boxes = Boxes8::EMPTY;
+    for slot in 0..7 {
+        for axis in 0..3 {
+            let (a, b) = (random.next(), random.next());
+            boxes.planes[2 * axis][slot] = a.min(b);
+            boxes.planes[2 * axis + 1][slot] = a.max(b);
+        }
+    }
+    boxes
+}
+
+fn random_block(random: &mut Random, degenerate: bool) -> Triangles4 {
+    let mut block = Triangles4 { vertices: [[[f32::NAN; 4]; 3]; 3], ids: [7, 8, 9, u32::MAX] };
+    for lane in 0..3 {
+        for corner in 0..3 {
+            for (axis, x) in random.vector().into_iter().enumerate() {
+                // On a lattice, many edge functions are exactly zero.
+                block.vertices[corner][axis][lane] = if degenerate { (2.0 * x).round() } else { x };
+            }
+        }
+    }
+    block
+}
+
+#[test]
+fn boxes_are_met_alike_up_to_the_rounding_of_a_plane() {
+    let mut random = Random(1);
+    let mut met = 0;
+    for _ in 0..20_000 {
+        let boxes = random_boxes(&mut random);
+        let (origin, direction) = (random.vector(), random.vector());
+        let inverse = direction.map(|d| 1.0 / if d == 0.0 { 1e-9 } else { d });
+        let offset = [0, 1, 2].map(|axis| origin[axis] * inverse[axis]);
+        let margin = inverse.map(|i| 1e-5 * i.abs());
+        let widened = |sign: f32| [0, 1, 2].map(|a| offset[a] + sign * margin[a]);
+        let exact = SlabRay::new(inverse, offset, offset);
+        let wide = SlabRay::new(inverse, widened(1.0), widened(-1.0));
+        let (certain, _) = Scalar.dispatch_slab(&boxes, &exact);
+        for level in IsaLevel::available() {
+            let (mask, distances) = level.dispatch(Slab(&boxes, &wide, 0.0, 10.0));
+            assert_eq!(mask & certain, certain, "{}", level.name());
+            assert_eq!(mask & 0x80, 0, "an empty slot is met");
+            let (scalar_mask, scalar) = Slab(&boxes, &wide, 0.0, 10.0).run(Scalar);
+            for slot in (0..8).filter(|slot| mask & scalar_mask & (1 << slot) != 0) {
+                let tolerance = 1e-5 * (1.0 + offset.iter().fold(0.0, |m: f32, o| m.max(o.abs())));
+                assert!((distances[slot] - scalar[slot]).abs() <= tolerance);
+                met += 1;
+            }
+        }
+    }
+    assert!(met > 1000);
+}
+
+impl Scalar {
+    fn dispatch_slab(self, boxes: &Boxes8, ray: &SlabRay) -> (u32, [f32; 8]) {
+        Slab(boxes, ray, 0.0, 10.0).run(self)
+    }
+}
+
+#[test]
+fn triangles_are_met_alike_bit_for_bit() {
+    let mut random = Random(2);
+    let mut met = [0; 2];
+    for i in 0..40_000 {
+        let degenerate = i % 2 == 0;
+        let block = random_block(&mut random, degenerate);
+        let (mut origin, mut direction) = (random.vector(), random.vector());
+        if degenerate {
+            origin = origin.map(|x| (2.0 * x).round());
+            direction = direction.map(|x| (2.0 * x).round());
+            if direction == [0.0; 3] {
+                direction = [1.0, 0.0, 0.0];
+            }
+        }
+        let ray = ShearRay::new(origin, direction);
+        let expected = Test(&block, &ray, -1.0, 5.0).run(Scalar);
+        assert_eq!(expected.mask & 8, 0, "a lane of NaN is met");
+        met[i % 2] += expected.mask.count_ones();
+        for level in IsaLevel::available() {
+            let hits = level.dispatch(Test(&block, &ray, -1.0, 5.0));
+            assert_eq!(hits.mask, expected.mask, "{}", level.name());
+            for lane in (0..4).filter(|lane| expected.mask & (1 << lane) != 0) {
+                let bits = |h: &TriangleHits| [h.t[lane], h.u[lane], h.v[lane]].map(f32::to_bits);
+                assert_eq!(bits(&hits), bits(&expected), "{}", level.name());
+                assert_eq!((hits.front ^ expected.front) >> lane & 1, 0);
+            }
+        }
+    }
+    assert!(met[0] > 1000 && met[1] > 1000, "{met:?}");
+}
+
+#[test]
+fn a_shared_edge_belongs_to_a_triangle_on_either_side() {
+    // Two triangles of a quad, met exactly on their diagonal from many sides.
+    let mut random = Random(3);
+    for _ in 0..20_000 {
+        let [a, b, c, d] = [(); 4].map(|()| random.vector());
+        let mut block = Triangles4 { vertices: [[[f32::NAN; 4]; 3]; 3], ids: [0; 4] };
+        for (lane, corners) in [[a, b, c], [c, d, a]].into_iter().enumerate() {
+            for (corner, position) in corners.into_iter().enumerate() {
+                for axis in 0..3 {
+                    block.vertices[corner][axis][lane] = position[axis];
+                }
+            }
+        }
+        let on_edge = [0, 1, 2].map(|axis| 0.5 * (a[axis] + c[axis]));
+        let origin = random.vector();
+        let direction = [0, 1, 2].map(|axis| on_edge[axis] - origin[axis]);
+        let ray = ShearRay::new(origin, direction);
+        for level in IsaLevel::available() {
+            let hits = level.dispatch(Test(&block, &ray, 0.0, f32::INFINITY));
+            // Both on one side of the edge as seen by the ray: it may pass beside the fold.
+            let side = |p: [f32; 3]| {
+                let sub =
+                    |x: [f32; 3], y: [f32; 3]| [0, 1, 2].map(|i| f64::from(x[i]) - f64::from(y[i]));
+                let (e, f, g) = (sub(c, a), sub(p, a), direction.map(f64::from));
+                e[0] * (f[1] * g[2] - f[2] * g[1])
+                    + e[1] * (f[2] * g[0] - f[0] * g[2])
+                    + e[2] * (f[0] * g[1] - f[1] * g[0])
+            };
+            if side(b) * side(d) < -1e-6 {
+                assert_ne!(hits.mask, 0, "{}: a ray slips through", level.name());
+            }
+        }
+    }
+}
