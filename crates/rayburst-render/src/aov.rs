@@ -5,6 +5,7 @@ use rayburst_math::glam::Vec3;
 use rayburst_math::{Hit, Ray, RayCone};
 
 use crate::batch::Context;
+use rayburst_scene::{ShadingPoint, Surface};
 
 /// A signal of the first hit of each eye ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -113,14 +114,19 @@ impl Features {
 
 impl Features {
     /// What an eye ray meets.
-    pub(crate) fn of_hit(context: &Context<'_>, ray: &Ray, hit: &Hit, _cone: RayCone) -> Self {
+    pub(crate) fn of_hit(context: &Context<'_>, ray: &Ray, hit: &Hit, cone: RayCone) -> Self {
         let surface = context.scene.surface(hit);
-        let material = &context.scene.materials[surface.material as usize];
-        let [r, g, b, _] = material.base_color;
-        let side = if surface.geometric_normal.dot(ray.direction) > 0.0 { -1.0 } else { 1.0 };
+        let options = context.settings.shading();
+        let width = cone.width_at(hit.t);
+        let point = context.scene.shading_point(&surface, -ray.direction, width, &options);
+        Self::new(ray, hit, &surface, &point)
+    }
+
+    /// The same of what is known already.
+    pub(crate) fn new(ray: &Ray, hit: &Hit, surface: &Surface, point: &ShadingPoint) -> Self {
         Self {
-            albedo: Vec3::new(r, g, b),
-            normal: side * surface.shading_normal,
+            albedo: point.base_color,
+            normal: point.frame.normal,
             position: surface.position,
             depth: hit.t * ray.direction.length(),
             instance: surface.node,

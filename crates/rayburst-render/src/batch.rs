@@ -6,15 +6,20 @@ use rayburst_math::{
     glam::{Vec2, Vec3},
     hash,
 };
-use rayburst_scene::{Camera, FlatScene, Projection};
+use rayburst_scene::{Camera, FlatScene, LightSampler};
 
-use crate::{Features, RayCounts, RenderSettings, dimensions};
+use crate::{Features, RayCounts, RenderSettings, dimensions, integrators::PointLights};
 
 /// What all batches of a render share.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Context<'a> {
     pub(crate) scene: &'a FlatScene,
+    /// Whether all of it is opaque, so that no ray needs a filter.
+    pub(crate) opaque: bool,
     pub(crate) camera: &'a Camera,
+    pub(crate) lights: &'a LightSampler,
+    /// All lights as points, for the integrator that wants them so.
+    pub(crate) point_lights: &'a PointLights,
     pub(crate) settings: &'a RenderSettings,
     pub(crate) filter: &'a PixelFilter,
 }
@@ -57,7 +62,8 @@ impl Batch {
             let (x, y) = tile.position(i);
             let first = tile.pixel(i).taken();
             for sample in first..first + samples {
-                let eye = EyeRay::new(context, x, y, sample);
+                let eye =
+                    EyeRay::new(context.camera, context.settings, context.filter, (x, y), sample);
                 self.rays.push(eye.ray);
                 self.cones.push(eye.cone);
                 self.samplers.push(eye.sampler);
@@ -85,45 +91,20 @@ pub(crate) struct EyeRay {
 
 impl EyeRay {
     #[inline]
-    pub(crate) fn new(context: &Context<'_>, x: u32, y: u32, sample: u32) -> Self {
-        let settings = context.settings;
+    pub(crate) fn new(
+        camera: &Camera,
+        settings: &RenderSettings,
+        filter: &PixelFilter,
+        (x, y): (u32, u32),
+        sample: u32,
+    ) -> Self {
         let (width, height) = settings.size;
         let pixel = y * width + x;
         let sampler = Sampler::new(settings.sampler, settings.seed, pixel, sample);
-        let offset = context.filter.sample(sampler.get_2d(dimensions::FILTER));
+        let offset = filter.sample(sampler.get_2d(dimensions::FILTER));
         let position = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + offset;
         let lens = sampler.get_2d(dimensions::LENS);
-        let (ray, cone) = camera_ray(context.camera, position, (width, height), lens);
+        let (ray, cone) = camera.ray(position, (width, height), lens);
         Self { ray, cone, sampler, key: hash::words(&[settings.seed, pixel, sample]) }
-    }
-}
-
-pub(crate) fn camera_ray(
-    camera: &Camera,
-    pixel: Vec2,
-    size: (u32, u32),
-    _lens: Vec2,
-) -> (Ray, RayCone) {
-    let (height, size) = (size.1, Vec2::new(size.0 as f32, size.1 as f32));
-    let ndc = Vec2::new(2.0 * pixel.x / size.x - 1.0, 1.0 - 2.0 * pixel.y / size.y);
-    let aspect = size.x / size.y;
-    match camera.projection {
-        Projection::Perspective { fov } => {
-            let f = (0.5 * fov).tan();
-            let d = Vec3::new(ndc.x * f * aspect, ndc.y * f, -1.0).normalize();
-            let origin = Vec3::from(camera.transform.translation);
-            (
-                Ray::new(origin, camera.transform.transform_vector3(d)),
-                RayCone::of_pixel(fov, height),
-            )
-        }
-        Projection::Orthographic { half_height } => {
-            let o = Vec3::new(ndc.x * half_height * aspect, ndc.y * half_height, 0.0);
-            let ray = Ray::new(
-                camera.transform.transform_point3(o),
-                camera.transform.transform_vector3(-Vec3::Z),
-            );
-            (ray, RayCone { width: 2.0 * half_height / size.y, spread: 0.0 })
-        }
     }
 }

@@ -4,3 +4,45 @@
 pub(crate) const FILTER: u32 = 0;
 /// Where on the lens; two numbers.
 pub(crate) const LENS: u32 = 2;
+
+/// The dimensions of one vertex of a path.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Vertex(u32);
+
+impl Vertex {
+    /// The vertex where the ray of this depth ends; the eye ray has depth 1.
+    #[inline]
+    pub(crate) const fn at_depth(depth: u32) -> Self {
+        Self(4 + 8 * (depth - 1))
+    }
+
+    /// Where on a light; two numbers.
+    #[inline]
+    pub(crate) const fn light_point(self) -> u32 {
+        self.0
+    }
+
+    /// Which light.
+    #[inline]
+    pub(crate) const fn light_choice(self) -> u32 {
+        self.0 + 2
+    }
+
+    /// Whether the path goes on.
+    #[inline]
+    pub(crate) const fn survival(self) -> u32 {
+        self.0 + 3
+    }
+
+    /// Which direction; two numbers.
+    #[inline]
+    pub(crate) const fn direction(self) -> u32 {
+        self.0 + 4
+    }
+
+    /// Which lobe of the BSDF.
+    #[inline]
+    pub(crate) const fn lobe(self) -> u32 {
+        self.0 + 6
+    }
+}

@@ -14,12 +14,12 @@ use std::{
 };
 
 use rayburst_image::{Film, LayeredImage, PixelFilter, Precision, RgbImage};
-use rayburst_scene::{Camera, FlatScene};
+use rayburst_scene::{Camera, FlatScene, LightSampler};
 use rayon::prelude::*;
 
 use crate::{
     Aov, Limits, Outcome, Progress, RayCounts, RenderError, RenderSettings, Result, StopReason,
-    batch::Context, settings, tile::Worker,
+    batch::Context, integrators::PointLights, settings, tile::Worker,
 };
 
 /// How long a pass may be expected to take, if it has more than one sample a pixel: what is lost at
@@ -36,8 +36,11 @@ pub type Control<'a> = dyn Fn(&Progress) -> ControlFlow<()> + Sync + 'a;
 #[derive(Debug)]
 pub struct Renderer {
     scene: Arc<FlatScene>,
+    opaque: bool,
     camera: Camera,
     settings: RenderSettings,
+    lights: LightSampler,
+    point_lights: PointLights,
     filter: PixelFilter,
     film: Film,
     samples: u32,
@@ -50,16 +53,28 @@ impl Renderer {
     pub fn new(
         scene: impl Into<Arc<FlatScene>>,
         camera: Camera,
-        settings: RenderSettings,
+        mut settings: RenderSettings,
     ) -> Result<Self> {
         settings.check()?;
+        let mut seen = Vec::new();
+        settings.aovs.retain(|aov| {
+            !seen.contains(aov) && {
+                seen.push(*aov);
+                true
+            }
+        });
         let scene = scene.into();
         let film = Film::new(settings.size.0, settings.size.1, &settings.film_aovs())?;
         let filter = settings.pixel_filter();
+        let lights = LightSampler::new(&scene);
+        let point_lights = PointLights::new(&scene);
         Ok(Self {
+            opaque: scene.is_opaque(),
             scene,
             camera,
             settings,
+            lights,
+            point_lights,
             filter,
             film,
             samples: 0,
@@ -76,6 +91,13 @@ impl Renderer {
     /// The scene.
     pub fn scene(&self) -> &FlatScene {
         &self.scene
+    }
+
+    /// Changes how many samples a pixel the render shall have; those that are there stay.
+    pub fn set_spp(&mut self, spp: u32) -> Result<()> {
+        RenderSettings { spp, ..self.settings.clone() }.check()?;
+        self.settings.spp = spp;
+        Ok(())
     }
 
     /// Samples that every pixel has.
@@ -211,7 +233,10 @@ impl Renderer {
         self.workers.resize_with(threads.max(self.workers.len()), Mutex::default);
         let context = Context {
             scene: &self.scene,
+            opaque: self.opaque,
             camera: &self.camera,
+            lights: &self.lights,
+            point_lights: &self.point_lights,
             settings: &self.settings,
             filter: &self.filter,
         };

@@ -2,7 +2,7 @@
 
 use rayburst_image::{AovSpec, FilterKind, PixelFilter};
 use rayburst_math::SamplerKind;
-use rayburst_scene::Camera;
+use rayburst_scene::{Camera, ShadingOptions, TextureLod};
 
 use crate::{Aov, IntegratorKind, RenderError, Result};
 
@@ -33,6 +33,8 @@ pub struct RenderSettings {
     pub filter: FilterKind,
     /// Its radius in pixels; `None` is the usual one.
     pub filter_radius: Option<f32>,
+    /// How textures choose their mip level.
+    pub texture_lod: TextureLod,
     /// Which other signals are collected along with the picture.
     pub aovs: Vec<Aov>,
     /// Reach of ambient occlusion rays in world units; infinite by default.
@@ -56,6 +58,7 @@ impl Default for RenderSettings {
             sampler: SamplerKind::default(),
             filter: FilterKind::default(),
             filter_radius: None,
+            texture_lod: TextureLod::Cones,
             aovs: Vec::new(),
             ao_radius: f32::INFINITY,
             light_sampling: LightSampling::default(),
@@ -121,6 +124,11 @@ impl RenderSettings {
         self.aovs.iter().filter_map(|a| a.spec()).collect()
     }
 
+    /// What shading needs to know.
+    pub(crate) fn shading(&self) -> ShadingOptions {
+        ShadingOptions { lod: self.texture_lod, energy_compensation: self.energy_compensation }
+    }
+
     /// The pixel filter, ready to sample.
     pub(crate) fn pixel_filter(&self) -> PixelFilter {
         match self.filter_radius {
@@ -138,6 +146,7 @@ impl RenderSettings {
             ("seed", self.seed.to_string()),
             ("sampler", format!("{:?}", self.sampler)),
             ("filter", format!("{:?} {:?}", self.filter, self.filter_radius)),
+            ("texture_lod", format!("{:?}", self.texture_lod)),
             ("aovs", self.aovs.iter().map(|a| a.name()).collect::<Vec<_>>().join(",")),
             ("ao_radius", self.ao_radius.to_string()),
             ("light_sampling", format!("{:?}", self.light_sampling)),

@@ -86,8 +86,7 @@ pub fn ray_trace_image(
     picture.pixels.par_chunks_mut(width.max(1) as usize).enumerate().for_each(|(y, row)| {
         for (x, pixel) in row.iter_mut().enumerate() {
             let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-            let (ray, _) =
-                crate::batch::camera_ray(camera, centre, (width, height), Vec2::splat(0.5));
+            let (ray, _) = camera.ray(centre, (width, height), Vec2::splat(0.5));
             *pixel = tracer.trace(&ray);
         }
     });

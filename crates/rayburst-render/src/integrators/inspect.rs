@@ -18,7 +18,7 @@ pub enum View {
     Normal,
     /// Normal of the triangle on the side of the eye, −1…1 shown as 0…1.
     GeometricNormal,
-    /// Distance from the eye, world units; infinite without a hit.
+    /// Distance from the eye, world units; 0 without a hit.
     Depth,
     /// First UV set, in red and green.
     Uv,
@@ -54,9 +54,9 @@ pub(super) fn integrate(
     let queue = &mut queues.current;
     queue.start(batch);
     if view == View::NodesVisited {
-        queue.trace_counted(context.scene, &mut counts.0);
+        queue.trace_counted(context, &mut counts.0);
     } else {
-        queue.trace(context.scene);
+        queue.trace(context);
     }
     for slot in 0..batch.len() {
         let hit = queue.hits[slot];
@@ -66,7 +66,6 @@ pub(super) fn integrate(
         });
         batch.radiance[slot] = match (view, &features) {
             (View::NodesVisited, _) => Vec3::splat(counts.0[slot].nodes as f32),
-            (View::Depth, None) => Vec3::INFINITY,
             (_, None) => Vec3::ZERO,
             (_, Some(features)) => show(view, context, &queue.rays[slot].direction, &hit, features),
         };

@@ -1,0 +1,11 @@
+//! Whole pictures against closed forms, against the reference, and against themselves.
+
+mod analytic;
+mod convergence;
+mod determinism;
+mod furnace;
+mod inspection;
+mod reference;
+mod scenes;
+mod techniques;
+mod whitted;
