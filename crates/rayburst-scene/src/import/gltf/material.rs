@@ -1,5 +1,7 @@
 //! Materials (glTF 2.0, section 3.9) with `KHR_materials_emissive_strength`, `_ior`, `_unlit`.
 
+use std::collections::BTreeMap;
+
 use rayburst_image::TexelFormat;
 
 use super::{json, source::Source, texture::TextureTable, warnings::Warnings};
@@ -26,6 +28,7 @@ impl Materials {
             names: Vec::with_capacity(count + 1),
             uv_sets: Vec::with_capacity(count + 1),
         };
+        warn_of_extensions(&source.root.materials, warnings);
         for (index, json) in source.root.materials.iter().enumerate() {
             let mut record = convert(index, json, textures, warnings)?;
             let sets = compact_uv_sets(index, &mut record, warnings);
@@ -45,6 +48,20 @@ impl Materials {
     }
 }
 
+/// One warning for each extension that is not read, with the number of its materials.
+fn warn_of_extensions(materials: &[json::Material], warnings: &mut Warnings) {
+    let mut counts: BTreeMap<&str, u32> = BTreeMap::new();
+    for name in materials.iter().flat_map(|m| m.extensions.other.keys()) {
+        *counts.entry(name).or_default() += 1;
+    }
+    for (name, count) in counts {
+        let materials =
+            if count == 1 { "1 material is" } else { &format!("{count} materials are") };
+        let what = format!("{name:.60} is not supported yet: {materials} shown without it");
+        warnings.add(what, "/materials", 1);
+    }
+}
+
 fn convert(
     index: usize,
     json: &json::Material,
@@ -52,10 +69,6 @@ fn convert(
     warnings: &mut Warnings,
 ) -> Result<Material, ImportError> {
     let location = || format!("/materials/{index}");
-    for name in json.extensions.other.keys() {
-        let name: String = name.chars().take(60).collect();
-        warnings.add(format!("the extension {name} is not supported yet; ignored"), location(), 1);
-    }
     let pbr = &json.pbr_metallic_roughness;
     let mut slot = |info: Option<&json::TextureInfo>, format| match info {
         Some(info) => textures.slot(info, format, &location()),
