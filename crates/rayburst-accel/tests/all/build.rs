@@ -149,3 +149,38 @@ fn better_quality_is_no_worse_and_memory_is_small() {
     // Eight-wide nodes are at least half full.
     assert!(balanced.nodes * 4 <= balanced.leaves + balanced.nodes, "{balanced:?}");
 }
+
+#[test]
+fn any_bits_as_positions_and_rays_are_harmless() {
+    let mut random = Random::new(55);
+    // Bits of any number, numbers of any exponent, and repeated ordinary ones.
+    let mut number = |kind: usize| match kind % 3 {
+        0 => f32::from_bits(random.bits() as u32),
+        1 => (random.unit() - 0.5) * 2f32.powi((random.bits() % 250) as i32 - 125),
+        _ => (random.bits() % 5) as f32 - 2.0,
+    };
+    for round in 0..60 {
+        let mut vector = |i: usize| {
+            let kind = if round % 4 == 3 { i } else { round };
+            Vec3::new(number(kind), number(kind), number(kind))
+        };
+        let mut mesh = Mesh::default();
+        for i in 0..200 {
+            mesh.push([vector(i), vector(i), vector(i)]);
+        }
+        let rays: Vec<Ray> = (0..200).map(|i| Ray::new(vector(i), vector(i + 1))).collect();
+        build(&mesh);
+        let mut first: Option<Vec<Hit>> = None;
+        for isa in IsaLevel::available() {
+            let blas = mesh.blas(isa);
+            let mut hits = vec![Hit::MISS; rays.len()];
+            blas.closest_hits(&rays, &mut hits, &ANY, &AcceptAll);
+            for (ray, hit) in rays.iter().zip(&hits) {
+                assert_eq!(blas.any_hit(ray, &ANY, &AcceptAll), hit.is_hit(), "{ray:?}");
+                assert!(!hit.is_hit() || (ray.t_min <= hit.t && hit.t <= ray.t_max), "{hit:?}");
+                assert!(!hit.is_hit() || hit.t.is_finite() && ray.is_valid(), "{hit:?}");
+            }
+            assert_eq!(first.get_or_insert_with(|| hits.clone()), &hits, "{}", isa.name());
+        }
+    }
+}

@@ -212,3 +212,62 @@ fn a_geometry_transform_equals_transformed_positions() {
         }
     }
 }
+
+#[test]
+fn no_hit_is_lost_on_the_way_to_an_instance() {
+    // One instance is entered without a look at its box, one of two after the boxes were met; rays
+    // at the rim of thin boxes far from the origin need the margin for the transform's rounding.
+    let mut flat = Mesh::default();
+    flat.push([Vec3::new(-1.0, 0.0, -1.0), Vec3::new(-1.0, 0.0, 1.0), Vec3::new(1.0, 0.0, -1.0)]);
+    flat.push([Vec3::new(1.0, 0.0, 1.0), Vec3::new(1.0, 0.0, -1.0), Vec3::new(-1.0, 0.0, 1.0)]);
+    for isa in IsaLevel::available() {
+        let blas = Arc::new(flat.blas(isa));
+        let mut random = Random::new(49);
+        let mut hit_count = 0;
+        for kind in 0..200 {
+            let mut to_world = transform(&mut random, kind);
+            if kind % 2 == 0 {
+                // The mesh stays flat in the plane of x and z; the inverse is large beside it.
+                let skew = 30.0 * random.vector() + Vec3::Y;
+                let columns = Mat3::from_cols(1.3 * Vec3::X, skew, 0.7 * Vec3::Z);
+                to_world = Affine3A::from_mat3_translation(columns, random.vector());
+            }
+            to_world.translation *= [1.0, 1e2, 1e4][kind % 3];
+            let near = Instance::new(0, to_world);
+            let mut away = near;
+            away.mask = 0;
+            away.transform.translation += glam::Vec3A::splat(50.0);
+            let build = |instances: &[Instance]| {
+                Tlas::build(vec![blas.clone()], instances, &with_isa(isa)).unwrap()
+            };
+            let (sole, both) = (build(&[near]), build(&[near, away]));
+            for i in 0..100 {
+                let rim = [
+                    Vec3::new(1.0, 0.0, random.unit()),
+                    Vec3::new(-random.unit(), 0.0, -1.0),
+                    Vec3::new(-1.0, 0.0, 1.0),
+                ][i % 3];
+                // Just outside, where only rounding makes a hit of it.
+                let beyond = [0.0, 1e-6, 1e-5, 1e-4, 1e-3][random.below(5)] * random.unit();
+                let target = to_world.transform_point3(rim * (1.0 + beyond));
+                let distance = [1.0, 100.0, 1e4][i % 2];
+                // Every other ray along an axis: through the box at its very edge.
+                let direction = match i % 4 {
+                    0 | 1 => random.vector(),
+                    2 => Vec3::X,
+                    _ => -Vec3::Y,
+                };
+                let ray = Ray::new(target - distance * direction, direction);
+                let hit = sole.closest_hit(&ray, &TraceOptions::default(), &AcceptAll);
+                hit_count += usize::from(hit.is_hit());
+                assert_eq!(
+                    both.closest_hit(&ray, &TraceOptions::default(), &AcceptAll),
+                    hit,
+                    "{}, {kind}: {ray:?}",
+                    isa.name()
+                );
+            }
+        }
+        assert!(hit_count > 1000, "{hit_count}");
+    }
+}
