@@ -60,7 +60,7 @@ pub(crate) fn choose(
         Some(camera) => camera,
         None => {
             let aspect = size.0 as f32 / size.1 as f32;
-            let framed = framing(bounds, aspect);
+            let framed = rayburst::scene::framing::default_view(bounds, aspect).camera;
             if args.eye.is_none() {
                 terminal::note(format!(
                     "the scene has no camera: --eye {} --target {} fits it",
@@ -122,19 +122,6 @@ fn adjust(
         camera.focus = metres * units;
     }
     Ok(camera)
-}
-
-/// A view of everything, from the front, slightly above and to the right.
-fn framing(bounds: &Aabb, aspect: f32) -> Camera {
-    let (centre, radius) = if bounds.is_empty() {
-        (Vec3::ZERO, 1.0)
-    } else {
-        (bounds.centre(), (0.5 * bounds.diagonal()).max(1e-6))
-    };
-    let fov = 40f32.to_radians();
-    let narrow = (aspect.min(1.0) * (0.5 * fov).tan()).atan();
-    let eye = centre + radius / narrow.sin() * Vec3::new(0.5, 0.35, 1.0).normalize();
-    Camera::look_at(eye, centre, Vec3::Y, fov)
 }
 
 fn shown(p: Vec3) -> String {

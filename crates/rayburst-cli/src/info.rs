@@ -12,8 +12,8 @@ use crate::{args::verbs::InfoArgs, camera, error::Result, load, terminal};
 pub(crate) fn run(args: &InfoArgs) -> Result<()> {
     let loaded = load::load(&args.scene, &args.instant)?;
     let scene = &loaded.scene;
-    let animation = load::animation(scene, &args.instant)?;
-    let pose = load::pose(scene, animation, args.instant.time);
+    let animations = load::animations(scene, &args.instant)?;
+    let pose = load::pose(scene, &animations, args.instant.time);
     let facts = Facts::new(scene, &pose);
     if args.json {
         return terminal::result(facts.json(&loaded.name).to_string());

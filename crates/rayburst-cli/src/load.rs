@@ -37,10 +37,10 @@ pub(crate) fn load(name: &str, args: &InstantArgs) -> Result<Loaded> {
     let (scene, size) = if path.is_file() || has_scene_ending(path) {
         (import::load(path, &options)?, None)
     } else {
-        if args.view.is_some() {
-            return Err(CliError::usage("--view needs a scene from a file"));
+        let mut scene = builtin::build(name).map_err(|e| unknown_scene(path, &e))?;
+        if let Some(view) = &args.view {
+            import::apply_view(&mut scene, view)?;
         }
-        let scene = builtin::build(name).map_err(|e| unknown_scene(path, &e))?;
         let base = name.split(':').next().unwrap_or(name);
         (scene, builtin::list().iter().find(|b| b.name == base).map(|b| b.size))
     };
@@ -78,19 +78,16 @@ fn unknown_scene(path: &Path, error: &BuiltinError) -> CliError {
     }
 }
 
-/// Which animation plays; `None` if there is none.
-pub(crate) fn animation(scene: &Scene, args: &InstantArgs) -> Result<Option<usize>> {
-    let Some(given) = &args.animation else {
-        return Ok((!scene.animations.is_empty()).then_some(0));
-    };
+/// Which animations play: the one that is named, or those that can play together.
+pub(crate) fn animations(scene: &Scene, args: &InstantArgs) -> Result<Vec<usize>> {
+    let Some(given) = &args.animation else { return Ok(scene.default_animations()) };
     let all: Vec<&str> = scene.animations.iter().map(|a| a.name.as_str()).collect();
-    pick("animation", given, &all).map(Some)
+    pick("animation", given, &all).map(|index| vec![index])
 }
 
-/// The pose at a time; without any animation, the pose as authored.
-pub(crate) fn pose(scene: &Scene, animation: Option<usize>, time: Option<f32>) -> Pose {
-    let _ = (animation, time);
-    Pose::rest(scene)
+/// The pose at a time; without one, the pose as authored.
+pub(crate) fn pose(scene: &Scene, animations: &[usize], time: Option<f32>) -> Pose {
+    time.map_or_else(|| Pose::rest(scene), |time| Pose::at(scene, animations, time))
 }
 
 /// The index of a thing that the user names or numbers.

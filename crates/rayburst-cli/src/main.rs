@@ -5,12 +5,15 @@
 #![forbid(unsafe_code)]
 
 mod args;
+mod bench;
 mod camera;
+mod compare;
 mod completions;
 mod develop;
 mod error;
 mod figure;
 mod info;
+mod inspect;
 mod interrupt;
 mod light;
 mod load;
@@ -49,6 +52,9 @@ fn run() -> ExitCode {
         Verb::Render(args) => render::run(args),
         Verb::Info(args) => info::run(args),
         Verb::Scenes(args) => scenes::run(args),
+        Verb::Compare(args) => compare::run(args),
+        Verb::Inspect(args) => inspect::run(args),
+        Verb::Bench(args) => bench::run(args),
         Verb::Figure(args) => figure::run(args),
         Verb::Completions(args) => completions::run(args),
     };

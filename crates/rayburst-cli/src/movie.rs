@@ -7,21 +7,63 @@ use std::{
     process::{Child, ChildStdin, Command, Stdio},
 };
 
-use rayburst::image::Rgb8Image;
+use rayburst::image::{Rgb8Image, file::gif::write_gif};
 
 use crate::error::{CliError, Result, describe};
 
-/// A film of 8-bit frames that an installed ffmpeg encodes as H.264.
-pub(crate) struct Movie {
+/// A film of 8-bit frames.
+pub(crate) enum Movie {
+    /// The frames so far: they share one palette, which is found at the end.
+    Gif { path: PathBuf, fps: f32, frames: Vec<Rgb8Image> },
+    /// Handed to an encoder one by one.
+    Mp4(Encoder),
+}
+
+impl Movie {
+    /// Begins a GIF.
+    pub(crate) fn gif(path: &Path, fps: f32) -> Self {
+        Self::Gif { path: path.to_owned(), fps, frames: Vec::new() }
+    }
+
+    /// Begins an MP4.
+    pub(crate) fn mp4(path: &Path, fps: f32, size: (u32, u32)) -> Result<Self> {
+        Encoder::start(path, fps, size).map(Self::Mp4)
+    }
+
+    /// Adds a frame.
+    pub(crate) fn add(&mut self, frame: Rgb8Image) -> Result<()> {
+        match self {
+            Self::Gif { frames, .. } => {
+                frames.push(frame);
+                Ok(())
+            }
+            Self::Mp4(encoder) => encoder.add(&frame),
+        }
+    }
+
+    /// Ends the file.
+    pub(crate) fn finish(self) -> Result<()> {
+        match self {
+            Self::Gif { frames, .. } if frames.is_empty() => {
+                Err(CliError::failed("stopped before the first frame: there is no film"))
+            }
+            Self::Gif { path, fps, frames } => Ok(write_gif(&path, &frames, fps)?),
+            Self::Mp4(encoder) => encoder.finish(),
+        }
+    }
+}
+
+/// An installed ffmpeg that encodes H.264.
+pub(crate) struct Encoder {
     child: Child,
     input: Option<ChildStdin>,
     part: PathBuf,
     path: PathBuf,
 }
 
-impl Movie {
+impl Encoder {
     /// Starts the encoder; the file appears under its name only when all frames are in.
-    pub(crate) fn start(path: &Path, fps: f32, (width, height): (u32, u32)) -> Result<Self> {
+    fn start(path: &Path, fps: f32, (width, height): (u32, u32)) -> Result<Self> {
         let mut name = std::ffi::OsString::from(".");
         name.push(path.file_name().unwrap_or_default());
         name.push(format!(".{}-0.part", std::process::id()));
@@ -52,8 +94,7 @@ impl Movie {
         Ok(Self { child, input, part, path: path.to_owned() })
     }
 
-    /// Adds a frame.
-    pub(crate) fn add(&mut self, frame: &Rgb8Image) -> Result<()> {
+    fn add(&mut self, frame: &Rgb8Image) -> Result<()> {
         let written = match &mut self.input {
             Some(input) => input.write_all(&frame.data),
             None => Ok(()),
@@ -61,8 +102,7 @@ impl Movie {
         written.map_err(|_| self.complaint())
     }
 
-    /// Ends the file.
-    pub(crate) fn finish(mut self) -> Result<()> {
+    fn finish(mut self) -> Result<()> {
         drop(self.input.take());
         let status = self.child.wait();
         if !status.is_ok_and(|s| s.success()) {
@@ -84,7 +124,7 @@ impl Movie {
     }
 }
 
-impl Drop for Movie {
+impl Drop for Encoder {
     fn drop(&mut self) {
         drop(self.input.take());
         // Both fail only where there is nothing to end or to remove any more.

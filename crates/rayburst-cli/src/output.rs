@@ -16,13 +16,20 @@ pub(crate) enum Format {
     Exr,
     /// Linear.
     Hdr,
+    /// 8-bit, all frames in one file.
+    Gif,
     /// All frames in one file, by ffmpeg.
     Mp4,
 }
 
 /// The formats and what their files end with.
-const FORMATS: [(&str, Format); 4] =
-    [("png", Format::Png), ("exr", Format::Exr), ("hdr", Format::Hdr), ("mp4", Format::Mp4)];
+const FORMATS: [(&str, Format); 5] = [
+    ("png", Format::Png),
+    ("exr", Format::Exr),
+    ("hdr", Format::Hdr),
+    ("gif", Format::Gif),
+    ("mp4", Format::Mp4),
+];
 
 impl Format {
     /// What a path's ending asks for.
@@ -43,7 +50,7 @@ impl Format {
 
     /// Whether one file holds all frames.
     pub(crate) fn is_film(self) -> bool {
-        self == Self::Mp4
+        matches!(self, Self::Gif | Self::Mp4)
     }
 }
 

@@ -29,6 +29,9 @@ pub(crate) enum Verb {
     Render(Box<render::RenderArgs>),
     Info(verbs::InfoArgs),
     Scenes(verbs::ScenesArgs),
+    Compare(verbs::CompareArgs),
+    Inspect(Box<verbs::InspectArgs>),
     Figure(verbs::FigureArgs),
+    Bench(verbs::BenchArgs),
     Completions(verbs::CompletionsArgs),
 }

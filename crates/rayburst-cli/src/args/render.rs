@@ -7,6 +7,7 @@ use rayburst::{
     image::{FilterKind, ToneMap},
     math::SamplerKind,
     render::{Aov, IntegratorKind},
+    scene::TextureLod,
 };
 
 use super::{
@@ -43,6 +44,10 @@ pub(crate) struct QualityArgs {
     #[arg(long, value_name = "NAME", default_value = FilterKind::default().name(),
           value_parser = values::choice(&FilterKind::ALL))]
     pub(crate) filter: FilterKind,
+    /// How textures choose their mip level
+    #[arg(long, value_name = "NAME", default_value = "cones",
+          value_parser = values::choice(&TextureLod::ALL))]
+    pub(crate) texture_lod: TextureLod,
 }
 
 /// What the machine does.

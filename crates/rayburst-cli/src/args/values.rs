@@ -128,6 +128,13 @@ pub(crate) fn exposure(given: &str) -> Result<Exposure, String> {
     }
 }
 
+/// A column and row, `320,180`.
+pub(crate) fn pixel(given: &str) -> Result<(u32, u32), String> {
+    let parts = given.split_once(',');
+    let parsed = parts.and_then(|(x, y)| Some((x.trim().parse().ok()?, y.trim().parse().ok()?)));
+    parsed.ok_or_else(|| "a pixel is COLUMN,ROW from the top left, such as 320,180".into())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -155,6 +162,8 @@ mod tests {
     #[test]
     fn ranges_include_both_ends() {
         assert_eq!(frames("0..3"), Ok(0..=3));
+        assert_eq!(pixel("3,4"), Ok((3, 4)));
+        assert!(pixel("3").is_err() && pixel("-3,4").is_err());
         assert_eq!(frames("5..=5"), Ok(5..=5));
         assert!(
             frames("3..2").is_err() && frames("3").is_err() && frames("0..4294967295").is_err()

@@ -2,7 +2,13 @@
 
 use std::path::PathBuf;
 
-use super::{scene::InstantArgs, values};
+use rayburst::{image::metrics::Metric, math::SamplerKind};
+use rayburst_bench::RaySetKind;
+
+use super::{
+    scene::{CameraArgs, InstantArgs, LightArgs, SceneArgs},
+    values,
+};
 
 /// Tell what is in a scene.
 #[derive(clap::Args, Clone, Debug)]
@@ -56,4 +62,150 @@ Example:
 pub(crate) struct CompletionsArgs {
     /// Which shell
     pub(crate) shell: clap_complete::Shell,
+}
+
+/// Measure how far picture B is from the reference A.
+#[derive(clap::Args, Clone, Debug)]
+#[command(after_help = "\
+Examples:
+  rayburst compare reference.exr noisy.exr
+  rayburst compare a.png b.png --metric flip,ssim --json --heatmap flip.png")]
+pub(crate) struct CompareArgs {
+    /// The reference: .exr, .hdr, .pfm, .png or .jpg
+    pub(crate) a: PathBuf,
+    /// The picture to judge
+    pub(crate) b: PathBuf,
+    /// Measures, with commas: flip, hdr-flip, rmse, relmse, psnr, ssim
+    #[arg(long, value_name = "LIST", value_parser = metrics)]
+    pub(crate) metric: Option<MetricList>,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Picture of where the first measure sees differences
+    #[arg(long, value_name = "FILE")]
+    pub(crate) heatmap: Option<PathBuf>,
+}
+
+/// A list of measures.
+#[derive(Clone, Debug)]
+pub(crate) struct MetricList(pub(crate) Vec<Metric>);
+
+fn metrics(given: &str) -> Result<MetricList, String> {
+    values::choices("metric", &Metric::ALL, given).map(MetricList)
+}
+
+/// Measure speed.
+#[derive(clap::Args, Clone, Debug)]
+#[command(after_help = "\
+Example:
+  rayburst bench rays sponza.gltf --peer embree=libembree4.so.4 --json rays.json")]
+pub(crate) struct BenchArgs {
+    #[command(subcommand)]
+    pub(crate) kind: BenchKind,
+}
+
+/// What to measure.
+#[derive(clap::Subcommand, Clone, Debug)]
+pub(crate) enum BenchKind {
+    Rays(Box<BenchRaysArgs>),
+}
+
+/// Rays a second, by ray set, of this engine and of peers on the same geometry.
+#[derive(clap::Args, Clone, Debug)]
+#[command(after_help = "\
+Examples:
+  rayburst bench rays cornell city
+  rayburst bench rays sponza.gltf --peer embree=libembree4.so.4 --threads 2 --json rays.json")]
+pub(crate) struct BenchRaysArgs {
+    /// Files or built-in scenes
+    #[arg(value_name = "SCENE", default_value = rayburst::scene::builtin::DEFAULT)]
+    pub(crate) scenes: Vec<String>,
+    /// A peer's shared library to measure beside: embree=PATH
+    #[arg(long, value_name = "NAME=PATH", value_parser = peer)]
+    pub(crate) peer: Option<Peer>,
+    /// Timed runs of each pair; the median counts
+    #[arg(long, value_name = "N", default_value_t = 5,
+          value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1000))]
+    pub(crate) repeat: usize,
+    /// Least length of a timed run
+    #[arg(long, value_name = "S", default_value = "0.5", value_parser = values::positive)]
+    pub(crate) seconds: f32,
+    /// Side of the square picture whose eye rays are traced
+    #[arg(long, value_name = "N", default_value_t = 1024,
+          value_parser = clap::value_parser!(u32).range(8..=8192))]
+    pub(crate) resolution: u32,
+    /// Ray sets, with commas [default: all]
+    #[arg(long, value_name = "LIST", value_parser = ray_sets)]
+    pub(crate) sets: Option<RaySetList>,
+    /// Threads that trace [default: 1]
+    #[arg(long, value_name = "N", value_parser = values::threads)]
+    pub(crate) threads: Option<usize>,
+    /// File for the rows
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) instant: InstantArgs,
+    #[command(flatten)]
+    pub(crate) camera: CameraArgs,
+}
+
+/// A list of ray sets.
+#[derive(Clone, Debug)]
+pub(crate) struct RaySetList(pub(crate) Vec<RaySetKind>);
+
+fn ray_sets(given: &str) -> Result<RaySetList, String> {
+    values::choices("ray set", &RaySetKind::ALL, given).map(RaySetList)
+}
+
+/// The library of a peer.
+#[derive(Clone, Debug)]
+pub(crate) struct Peer(pub(crate) PathBuf);
+
+fn peer(given: &str) -> Result<Peer, String> {
+    match given.split_once('=') {
+        Some(("embree", path)) if !path.is_empty() => Ok(Peer(path.into())),
+        Some((name, _)) if name != "embree" => {
+            Err(crate::names::unknown("peer", name, &["embree"]))
+        }
+        _ => Err("a peer is NAME=PATH, such as embree=libembree4.so.4".into()),
+    }
+}
+
+/// Tell the paths of one pixel, vertex by vertex: rays, hits, materials, lights, densities.
+#[derive(clap::Args, Clone, Debug)]
+#[command(after_help = "\
+Examples:
+  rayburst inspect cornell --pixel 256,400
+  rayburst inspect sponza.gltf --pixel 480,270 --samples 4")]
+pub(crate) struct InspectArgs {
+    #[command(flatten)]
+    pub(crate) scene: SceneArgs,
+    /// Column and row of the pixel, from the top left
+    #[arg(long, value_name = "X,Y", value_parser = values::pixel)]
+    pub(crate) pixel: (u32, u32),
+    /// Width and height of the picture [default: the built-in scene's own, or 960x540]
+    #[arg(long, value_name = "WxH", value_parser = values::size)]
+    pub(crate) size: Option<(u32, u32)>,
+    /// Number of the first sample
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) sample: u32,
+    /// How many samples
+    #[arg(long, value_name = "N", default_value_t = 1,
+          value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub(crate) samples: u32,
+    /// Longest path in rays; the eye ray is the first
+    #[arg(long, value_name = "N", default_value_t = 16,
+          value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    pub(crate) max_depth: u32,
+    /// Seed of all randomness
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u32,
+    /// Where random numbers come from
+    #[arg(long, value_name = "NAME", default_value = "sobol",
+          value_parser = values::choice(&SamplerKind::ALL))]
+    pub(crate) sampler: SamplerKind,
+    #[command(flatten)]
+    pub(crate) camera: CameraArgs,
+    #[command(flatten)]
+    pub(crate) light: LightArgs,
 }

@@ -201,6 +201,26 @@ impl Canvas {
         self.text(at, text, 12.5, ink::BLACK, Anchor::Start, Style::Plain);
     }
 
+    /// A picture with its upper left corner at a point; each of its pixels takes `scale` points.
+    pub(crate) fn picture(&mut self, at: Vec2, picture: &Rgb8Image, scale: f32) {
+        let columns = (picture.width as f32 * scale * SCALE).round() as u32;
+        let rows = (picture.height as f32 * scale * SCALE).round() as u32;
+        let (left, top) = ((at.x * SCALE).round() as u32, (at.y * SCALE).round() as u32);
+        let stride = self.pixels.width();
+        let (right, bottom) = (stride.min(left + columns), self.pixels.height().min(top + rows));
+        let data = self.pixels.data_mut();
+        for y in top..bottom {
+            for x in left..right {
+                let column = (x - left) * picture.width / columns;
+                let row = (y - top) * picture.height / rows;
+                let from = 3 * (row as usize * picture.width as usize + column as usize);
+                let to = 4 * (y as usize * stride as usize + x as usize);
+                data[to..to + 3].copy_from_slice(&picture.data[from..from + 3]);
+                data[to + 3] = 255;
+            }
+        }
+    }
+
     fn fill(&mut self, path: &Path, ink: Ink) {
         let scale = Transform::from_scale(SCALE, SCALE);
         self.pixels.fill_path(path, &paint(ink), FillRule::Winding, scale, None);

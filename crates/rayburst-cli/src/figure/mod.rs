@@ -1,9 +1,13 @@
 //! `rayburst figure`: what a figure of the chapter shows, from our own scenes and rays, with the
 //! property that it demonstrates as a number.
 
+mod camera_frame;
 mod canvas;
+mod depth_of_field;
 mod ray_tree;
 mod refraction_tree;
+mod rendering;
+mod sample_series;
 mod slice;
 mod symbols;
 mod trace_and_shade;
@@ -46,9 +50,12 @@ const fn figure(
 
 /// All figures by number.
 pub(crate) const FIGURES: &[(&str, Figure)] = &[
+    figure("26.2", "the camera and the ray through a pixel", camera_frame::draw),
     figure("26.3", "trace() and shade() call each other", trace_and_shade::draw),
     figure("26.4", "reflection and refraction rays", refraction_tree::draw),
     figure("26.5", "two paths of one pixel", two_paths::draw),
+    figure("26.6", "the same picture with 1 to 65,536 samples a pixel", sample_series::draw),
+    figure("26.24", "depth of field by a thin lens", depth_of_field::draw),
 ];
 
 /// The end of the verb's help: what there is.

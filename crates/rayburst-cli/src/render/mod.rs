@@ -79,6 +79,7 @@ fn settings(args: &RenderArgs, size: (u32, u32)) -> RenderSettings {
         seed: quality.seed,
         sampler: quality.sampler,
         filter: quality.filter,
+        texture_lod: quality.texture_lod,
         aovs: args.aov.clone().unwrap_or_default().0,
         ..RenderSettings::default()
     }
@@ -97,14 +98,14 @@ impl Job<'_> {
     fn frames(&mut self, writer: &mut Writer) -> Result<()> {
         let scene = &self.loaded.scene;
         let options = BuildOptions { isa: self.args.machine.isa, ..BuildOptions::default() };
-        let animation = load::animation(scene, &self.args.scene.instant)?;
-        if self.args.frames.is_some() && animation.is_none() {
+        let animations = load::animations(scene, &self.args.scene.instant)?;
+        if self.args.frames.is_some() && animations.is_empty() {
             terminal::warn("the scene has no animation: all frames are alike");
         }
         let mut flattener = Flattener::new(scene, options);
         for frame in &self.plan.frames {
             let start = Instant::now();
-            let pose = load::pose(scene, animation, frame.time);
+            let pose = load::pose(scene, &animations, frame.time);
             let flat = Arc::new(flattener.at(&pose)?);
             self.report.seconds.build += start.elapsed().as_secs_f64();
             let camera =

@@ -24,7 +24,8 @@ impl Writer {
     /// For the frames of a plan.
     pub(super) fn new(plan: &Plan, developer: Developer, size: (u32, u32)) -> Result<Self> {
         let movie = match plan.format {
-            Format::Mp4 => Some(Movie::start(&plan.output, plan.fps, size)?),
+            Format::Gif => Some(Movie::gif(&plan.output, plan.fps)),
+            Format::Mp4 => Some(Movie::mp4(&plan.output, plan.fps, size)?),
             _ => None,
         };
         Ok(Self { format: plan.format, developer, movie })
@@ -45,7 +46,7 @@ impl Writer {
             }
             (Format::Hdr, _) => Ok(write_linear(&frame.path, &renderer.picture())?),
             (_, None) => Ok(write_png(&frame.path, &self.developer.develop(&renderer.picture()))?),
-            (_, Some(movie)) => movie.add(&self.developer.develop(&renderer.picture())),
+            (_, Some(movie)) => movie.add(self.developer.develop(&renderer.picture())),
         }
     }
 

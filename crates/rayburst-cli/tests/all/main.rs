@@ -1,0 +1,11 @@
+//! The command line as scripts and people use it: every test runs the program.
+
+#![allow(clippy::print_stderr)] // A skipped test says why.
+
+mod broken;
+mod interrupt;
+mod output;
+mod program;
+mod render;
+mod usage;
+mod verbs;

@@ -1,0 +1,100 @@
+//! Every verb does its work.
+
+use crate::program::Place;
+
+#[test]
+fn scenes_are_listed_and_described() {
+    let place = Place::new();
+    let list = place.good("scenes").stdout;
+    for name in ["cornell", "spheres", "furnace", "hemisphere-room", "stadium", "veach-mis", "dof"]
+    {
+        assert!(list.lines().any(|l| l.starts_with(name)), "{name} is not in\n{list}");
+    }
+    assert!(list.contains("Fig. 26.24"));
+    let all = place.good("scenes --json").json();
+    assert!(all.as_array().unwrap().len() >= 10);
+    assert_eq!(all[0]["name"], "cornell");
+}
+
+#[test]
+fn info_tells_what_is_in_a_scene() {
+    let place = Place::new();
+    let json = place.good("info cornell --json").json();
+    for key in [
+        "triangles",
+        "instances",
+        "meshes",
+        "materials",
+        "textures",
+        "lights",
+        "cameras",
+        "animations",
+        "bounds",
+        "warnings",
+    ] {
+        assert!(!json[key].is_null(), "{key}: {json}");
+    }
+    assert!(json["triangles"].as_u64().unwrap() >= 30);
+    assert_eq!(json["cameras"][0], "front");
+    let text = place.good("info cornell").stdout;
+    assert!(text.contains("triangles") && text.contains("front"), "{text}");
+    let complaint = place.bad(1, "info missing.gltf");
+    assert!(complaint.contains("missing.gltf"), "{complaint}");
+}
+
+#[test]
+fn pictures_are_compared() {
+    let place = Place::new();
+    place.good("render --size 32x32 --spp 1 -o a.exr");
+    place.good("render --size 32x32 --spp 4 -o b.exr");
+    let same = place.good("compare a.exr a.exr --metric rmse,flip,ssim,psnr --json").json();
+    assert_eq!((same["rmse"].as_f64(), same["flip"].as_f64()), (Some(0.0), Some(0.0)));
+    assert!((same["ssim"].as_f64().unwrap() - 1.0).abs() < 1e-6);
+    assert!(same["psnr"].is_null(), "infinite: {same}");
+    let text = place.good("compare a.exr b.exr --heatmap map.png").stdout;
+    assert!(text.contains("hdr-flip") && text.contains("relmse"), "{text}");
+    assert!(place.read("map.png").starts_with(b"\x89PNG"));
+    place.good("render --size 16x32 --spp 1 -o c.exr");
+    let complaint = place.bad(1, "compare a.exr c.exr");
+    assert!(complaint.contains("32x32 and 16x32"), "{complaint}");
+    place.bad(1, "compare a.exr nothing.exr");
+    place.write("not.png", "no picture");
+    place.bad(1, "compare a.exr not.png");
+}
+
+#[test]
+fn drawn_figures_print_their_property() {
+    let place = Place::new();
+    for (figure, words) in [
+        ("26.2", "Eq. 26.2"),
+        ("26.3", "0 of"),
+        ("26.4", "sum − 1"),
+        ("26.5", "difference in standard deviations"),
+    ] {
+        let ran = place.good(&format!("figure {figure}"));
+        assert!(ran.stdout.contains(words), "{figure}: {}", ran.stdout);
+        assert!(place.read(&format!("figure-{figure}.png")).starts_with(b"\x89PNG"));
+    }
+}
+
+#[test]
+fn completions_name_verbs_and_options() {
+    let place = Place::new();
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        let script = place.good(&format!("completions {shell}")).stdout;
+        assert!(script.contains("environment-rotation"), "{shell}");
+    }
+}
+
+#[test]
+fn rays_are_benchmarked() {
+    let place = Place::new();
+    let line = "bench rays cornell --repeat 1 --seconds 0.001 --resolution 32 --sets primary,ao";
+    let ran = place.good(&format!("{line} --json rows.json"));
+    assert!(ran.stdout.contains("Mrays/s"), "{ran:?}");
+    let rows: serde_json::Value = serde_json::from_slice(&place.read("rows.json")).unwrap();
+    assert_eq!(rows[0]["ray_set"], "primary");
+    assert!(rows[0]["value"].as_f64().unwrap() > 0.0);
+    let complaint = place.bad(1, &format!("{line} --peer embree=missing.so"));
+    assert!(complaint.contains("missing.so"), "{complaint}");
+}
