@@ -21,6 +21,7 @@ mod renderer;
 mod settings;
 mod shade;
 mod tile;
+mod visibility;
 
 pub use aov::Aov;
 pub use display::{Display, false_colours};
@@ -32,5 +33,6 @@ pub use reference::Reference;
 pub use renderer::{Control, Renderer};
 pub use settings::{LightSampling, RenderSettings};
 pub use shade::{Shade, Tracer, ray_trace_image};
+pub use visibility::visible;
 
 pub(crate) use aov::Features;

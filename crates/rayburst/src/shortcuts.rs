@@ -2,7 +2,7 @@
 
 use std::{path::Path, sync::Arc};
 
-use glam::{Affine3A, Vec3};
+use glam::Affine3A;
 use rayburst_accel::BuildOptions;
 use rayburst_image::{
     ImageError, RgbImage, ToneMap, exposure,
@@ -11,7 +11,7 @@ use rayburst_image::{
 };
 use rayburst_render::{RenderError, RenderSettings, Renderer};
 use rayburst_scene::{
-    Camera, Environment, FlatScene, FlattenError, Flattener, Pose, Scene,
+    Camera, FlatScene, FlattenError, Flattener, Pose, Scene, framing,
     import::{self, ImportError, LoadOptions},
 };
 
@@ -38,13 +38,14 @@ pub fn load(path: impl AsRef<Path>) -> Result<Scene, Error> {
     Ok(import::load(path.as_ref(), &LoadOptions::default())?)
 }
 
-/// Prepares a scene at rest for tracing. A scene without any light gets even white surroundings.
+/// Prepares a scene at rest for tracing. A scene without any light gets a sky with a sun.
 pub fn flatten(scene: &Scene) -> Result<FlatScene, Error> {
-    let mut flat = Flattener::new(scene, BuildOptions::default()).at(&Pose::rest(scene))?;
+    let mut lit = None;
     if !scene.has_light() {
-        flat.environment = Environment::Constant(Vec3::ONE);
+        framing::default_light(lit.insert(scene.clone()));
     }
-    Ok(flat)
+    let scene = lit.as_ref().unwrap_or(scene);
+    Ok(Flattener::new(scene, BuildOptions::default()).at(&Pose::rest(scene))?)
 }
 
 /// The scene's first camera, or one that sees all of it.
@@ -59,16 +60,7 @@ pub fn default_camera(scene: &Scene, flat: &FlatScene) -> Camera {
         let transform = Affine3A::from_rotation_translation(rotation, at);
         Some(Camera { transform, projection: camera.projection, aperture: 0.0, focus: 1.0 })
     });
-    placed.unwrap_or_else(|| {
-        let (centre, radius) = if flat.bounds.is_empty() {
-            (Vec3::ZERO, 1.0)
-        } else {
-            (flat.bounds.centre(), 0.5 * flat.bounds.diagonal().max(f32::MIN_POSITIVE))
-        };
-        let fov = 40f32.to_radians();
-        let eye = centre + radius / (0.4 * fov).sin() * Vec3::new(0.5, 0.35, 1.0).normalize();
-        Camera::look_at(eye, centre, Vec3::Y, fov)
-    })
+    placed.unwrap_or_else(|| framing::default_view(&flat.bounds, 16.0 / 9.0).camera)
 }
 
 /// Renders a scene at rest from its first camera, in linear radiance.

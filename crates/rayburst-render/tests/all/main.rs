@@ -8,4 +8,5 @@ mod inspection;
 mod reference;
 mod scenes;
 mod techniques;
+mod visibility;
 mod whitted;

@@ -2,15 +2,16 @@
 
 use std::path::Path;
 
+use glam::Vec3;
 use rayburst_image::{
     RgbImage, ToneMap, decode_ldr,
     quantise::{Dither, to_srgb8},
     write_png,
 };
 use rayburst_render::IntegratorKind;
-use rayburst_scene::{Environment, FlatScene};
+use rayburst_scene::{Camera, Environment, FlatScene, Material, Scene, shapes};
 
-use crate::scenes::{picture, settings, zoo};
+use crate::scenes::{flat, floor, mean, picture, render, settings, zoo};
 
 /// Kept beside the tests; `RAYBURST_BLESS=1` writes it anew.
 const GOLDEN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden/whitted.png");
@@ -31,6 +32,35 @@ fn the_picture_is_the_golden_one() {
     // Another instruction set may round a silhouette differently.
     let differ = golden.data.iter().zip(&shown.data).filter(|(a, b)| a.abs_diff(**b) > 1).count();
     assert!(differ <= golden.data.len() / 200, "{differ} of {} bytes differ", golden.data.len());
+}
+
+/// Where all surfaces are perfect mirrors and glass, a tree of all rays and random paths through it
+/// have the same mean (chapter 26.1).
+#[test]
+fn branching_and_random_paths_agree() {
+    let mut scene =
+        Scene { environment: Some(Environment::Constant(Vec3::splat(0.5))), ..Scene::default() };
+    let mirror = scene.add_material("mirror", Material::mirror(Vec3::new(0.9, 0.7, 0.5)));
+    let mut glass = Material::glass(1.5);
+    glass.base_color = [0.8, 0.9, 1.0, 1.0];
+    let glass = scene.add_material("glass", glass);
+    scene.add_mesh("floor", vec![floor(3.0, 0.0).into_primitive(mirror)]);
+    let ball = shapes::sphere(Vec3::Y, 0.9, 3).into_primitive(glass);
+    scene.add_mesh("ball", vec![ball]);
+    let scene = flat(&scene);
+    let camera = Camera::look_at(Vec3::new(0.0, 2.0, 4.0), Vec3::Y, Vec3::Y, 0.7);
+    let mean_of = |integrator: IntegratorKind, spp: u32| {
+        let mut settings = settings((16, 16), spp);
+        settings.integrator = integrator;
+        let renderer = render(&scene, camera, &settings);
+        let variance: f64 = renderer.film().variance().iter().map(|&v| f64::from(v)).sum();
+        (mean(&renderer.picture()), variance.sqrt() / 256.0)
+    };
+    let (tree, tree_sigma) = mean_of(IntegratorKind::Whitted, 64);
+    let (paths, sigma) = mean_of(IntegratorKind::Path, 256);
+    // Faint branches are left out of the tree.
+    let allowed = 3.0 * (sigma * sigma + tree_sigma * tree_sigma).sqrt() + 2e-3;
+    assert!((tree - paths).abs() < allowed, "{tree} {paths} ± {sigma}");
 }
 
 #[test]
