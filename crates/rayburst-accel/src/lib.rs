@@ -13,7 +13,7 @@
 //! - Of hits at equal `t` the smallest `(instance, geometry, primitive)` wins.
 //! - `any_hit` is `closest_hit(..).is_hit()`, and a batch gives the bits of its rays one by one.
 //! - Triangles with a coordinate that is not finite or beyond [`MAX_COORDINATE`], and triangles of
-//!   zero area, are never hit.
+//!   zero area, are never hit; rays whose origin is farther than 2⁹⁰ on some axis are misses.
 
 mod blas;
 mod build;

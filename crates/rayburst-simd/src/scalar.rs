@@ -50,7 +50,7 @@ impl Isa for Scalar {
         t_max: f32,
         hits: &mut TriangleHits,
     ) -> u32 {
-        let mut found = TriangleHits::default();
+        let mut found = TriangleHits::NONE;
         for lane in 0..4 {
             let (ax, ay, az) = sheared(block, ray, 0, lane);
             let (bx, by, bz) = sheared(block, ray, 1, lane);

@@ -84,6 +84,11 @@ pub struct TriangleHits {
     pub front: u32,
 }
 
+impl TriangleHits {
+    /// No hit.
+    pub const NONE: Self = Self { t: [0.0; 4], u: [0.0; 4], v: [0.0; 4], mask: 0, front: 0 };
+}
+
 /// Determinants of smaller magnitude are evaluated in `f64`.
 pub(crate) const SMALL: f32 = f32::from_bits((127 - 100) << 23);
 /// Determinants of larger magnitude are evaluated in `f64`.

@@ -118,7 +118,7 @@ pub(crate) fn trace_blas<I: Isa, Q: Query, F: CandidateFilter, C: Count>(
     count: &mut C,
 ) -> ControlFlow<()> {
     let mut span = ray.span(asker.ray.t_min, query.t_max());
-    let mut hits = TriangleHits::default();
+    let mut hits = TriangleHits::NONE;
     let tree = &place.blas.tree;
     let leaf = |value: u32, span: &mut Span, count: &mut C| {
         // SAFETY: values of a BLAS' leaves come from `TriangleLeaves::place`: a block is there.
