@@ -76,7 +76,7 @@ const STUFF: [(Stuff, &str, Material); 17] = {
         (Stuff::CarWhite, "white car", gloss(0.70, 0.70, 0.68, 0.25)),
         (Stuff::CarBlue, "blue car", gloss(0.03, 0.08, 0.30, 0.25)),
         (Stuff::CarBlack, "black car", gloss(0.02, 0.02, 0.022, 0.25)),
-        (Stuff::Land, "land", matt(0.16, 0.17, 0.10)),
+        (Stuff::Land, "land", matt(0.10, 0.12, 0.08)),
     ]
 };
 

@@ -2,13 +2,15 @@
 //!
 //! Geometry and spectra: "Cornell Box Data", Cornell University Program of Computer Graphics, 1998.
 //! One unit of the data is one millimetre here: the box is 0.55 m wide, as the real one was. The
-//! light's spectrum is measured in arbitrary units; its luminance is set to that of a bright lamp.
+//! light's spectrum is measured in arbitrary units; its luminance is set to that of a bright lamp. The
+//! lamp is very yellow; unless `light=measured`, it is shown as to an eye that has largely adapted to
+//! it (von Kries' scaling, CIE 159:2004 with a degree of 0.75).
 //! The ceiling has a hole where the light is, so that no surfaces coincide.
 
 use glam::Vec3;
 
 use super::{
-    Values, new_scene,
+    Parameter, ParameterKind, Values, new_scene,
     spectra::{self, Spectrum},
     view::view,
 };
@@ -18,6 +20,15 @@ const MILLIMETRE: f32 = 0.001;
 
 /// Luminance of the light, cd/m².
 const LUMINANCE: f32 = 10_000.0;
+
+/// How far the eye adapts to the light's colour, 0…1.
+const ADAPTATION: f32 = 0.75;
+
+pub(super) const PARAMETERS: &[Parameter] = &[Parameter {
+    name: "light",
+    meaning: "the lamp's colour as seen by an adapted eye, or as measured",
+    kind: ParameterKind::Choice(&["adapted", "measured"]),
+}];
 
 /// Emission of the light, relative, every 100 nm from 400 nm.
 const EMISSION: Spectrum = Spectrum { first: 400.0, step: 100.0, values: &[0.0, 8.0, 15.6, 18.4] };
@@ -57,16 +68,20 @@ const fn at(x: f32, y: f32, z: f32) -> Vec3 {
     Vec3::new(x * MILLIMETRE, y * MILLIMETRE, z * MILLIMETRE)
 }
 
-pub(super) fn build(_: &Values) -> Scene {
+pub(super) fn build(values: &Values) -> Scene {
     let mut scene = new_scene("cornell");
     let mut paint = |name: &str, spectrum: &Spectrum| {
         scene.add_material(name, Material::diffuse(spectra::reflectance(spectrum, &EMISSION)))
     };
     let (white, red, green) = (paint("white", &WHITE), paint("red", &RED), paint("green", &GREEN));
+    let mut color = spectra::light(&EMISSION);
+    if values.word("light") == "adapted" {
+        color = color.lerp(Vec3::ONE, ADAPTATION);
+    }
     let light = scene.add_material(
         "light",
         // One-sided: nothing behind the ceiling is to be lit.
-        Material { flags: 0, ..Material::emitter(spectra::light(&EMISSION) * LUMINANCE) },
+        Material { flags: 0, ..Material::emitter(color * LUMINANCE) },
     );
 
     let mut room = Shape::default();

@@ -15,7 +15,7 @@ use rayburst_math::hash::Rng;
 pub(super) const PARAMETERS: &[Parameter] = &[Parameter {
     name: "aperture",
     meaning: "diameter of the lens in millimetres; 0 is a pinhole",
-    kind: ParameterKind::Number { default: 60.0, min: 0.0, max: 500.0 },
+    kind: ParameterKind::Number { default: 50.0, min: 0.0, max: 500.0 },
 }];
 
 /// Linear colours of the glazes, from the nearest teapot on.

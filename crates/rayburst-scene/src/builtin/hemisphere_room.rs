@@ -12,8 +12,9 @@ use crate::{
 /// Half the width of the room and its height, metres.
 const HALF: f32 = 3.0;
 const HEIGHT: f32 = 3.6;
-/// Half the width of the luminous panel in the ceiling.
-const PANEL: f32 = 1.4;
+/// Half the width of the luminous panel in the ceiling: large, so that the light that the mirror
+/// throws on the walls is soft.
+const PANEL: f32 = 2.4;
 
 pub(super) fn build(_: &Values) -> Scene {
     let mut scene = new_scene("hemisphere-room");
@@ -60,7 +61,7 @@ pub(super) fn build(_: &Values) -> Scene {
     }
 
     let white = scene.add_material("ceiling", Material::diffuse(Vec3::splat(0.8)));
-    let glow = Material { flags: 0, ..Material::emitter(Vec3::new(2000.0, 1950.0, 1850.0)) };
+    let glow = Material { flags: 0, ..Material::emitter(Vec3::new(800.0, 780.0, 745.0)) };
     let glow = scene.add_material("panel", glow);
     let down = |half: f32| {
         [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]

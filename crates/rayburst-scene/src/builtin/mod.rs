@@ -59,7 +59,7 @@ const SCENES: &[BuiltinScene] = &[
         name: "cornell",
         summary: "the Cornell box with its measured geometry and spectra",
         figure: Some("26.6"),
-        parameters: &[],
+        parameters: cornell::PARAMETERS,
         size: (512, 512),
         build: cornell::build,
     },

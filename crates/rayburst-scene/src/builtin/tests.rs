@@ -146,7 +146,7 @@ fn wrong_specifications_say_what_is_right() {
     };
     says("cornel", "did you mean 'cornell'");
     says("", "There are: cornell, ");
-    says("cornell:7", "takes none");
+    says("spheres:7", "takes none");
     says("furnace:colour=red", "takes material, roughness");
     says("furnace:wood", "expected one of diffuse, metal");
     says("furnace:roughness=nan", "expected a number from 0 to 1");
