@@ -29,7 +29,7 @@ pub use error::{RenderError, Result};
 pub use integrators::{IntegratorKind, View};
 pub use naive::trace_naive;
 pub use progress::{Limits, Outcome, Progress, RayCounts, StopReason};
-pub use reference::Reference;
+pub use reference::{Reference, Way};
 pub use renderer::{Control, Renderer};
 pub use settings::{LightSampling, RenderSettings};
 pub use shade::{Shade, Tracer, ray_trace_image};

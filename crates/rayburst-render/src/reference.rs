@@ -35,7 +35,7 @@ pub struct Reference<'a> {
 
 /// What a path remembers of its way.
 #[derive(Clone, Copy, Debug)]
-struct Way {
+pub struct Way {
     sampler: Sampler,
     key: u32,
     /// Of the ray that is on its way; 1 for an eye ray.
@@ -75,6 +75,12 @@ impl<'a> Reference<'a> {
 
     /// One sample of one pixel.
     pub fn sample(&self, x: u32, y: u32, sample: u32) -> Vec3 {
+        let (ray, way) = self.eye_ray(x, y, sample);
+        self.trace(&ray, way)
+    }
+
+    /// The ray of one sample of one pixel, and the beginning of its way.
+    pub fn eye_ray(&self, x: u32, y: u32, sample: u32) -> (Ray, Way) {
         let EyeRay { ray, cone, sampler, key } =
             EyeRay::new(self.camera, self.settings, &self.filter, (x, y), sample);
         let way = Way {
@@ -86,11 +92,11 @@ impl<'a> Reference<'a> {
             specular: true,
             cone,
         };
-        self.trace(&ray, way)
+        (ray, way)
     }
 
     /// The radiance that comes along a ray.
-    fn trace(&self, ray: &Ray, way: Way) -> Vec3 {
+    pub fn trace(&self, ray: &Ray, way: Way) -> Vec3 {
         let hit = self.closest_hit(ray, ray_key(way.key, way.depth));
         if hit.is_hit() {
             return self.shade(ray, &hit, way);
@@ -102,7 +108,7 @@ impl<'a> Reference<'a> {
     }
 
     /// The radiance that a surface sends back along the ray that hit it.
-    fn shade(&self, ray: &Ray, hit: &Hit, way: Way) -> Vec3 {
+    pub fn shade(&self, ray: &Ray, hit: &Hit, way: Way) -> Vec3 {
         let surface = self.scene.surface(hit);
         let width = way.cone.width_at(hit.t);
         let shading = self.settings.shading();
