@@ -65,18 +65,34 @@ const fn directions(s: usize, a: u32, m: [u32; 3]) -> [u32; 32] {
     v
 }
 
+/// For dimensions 1 to 3 what each byte of the index contributes: four look-ups a number.
+static SOBOL_BYTES: [[[u32; 256]; 4]; 3] = byte_tables();
+
+const fn byte_tables() -> [[[u32; 256]; 4]; 3] {
+    let mut tables = [[[0u32; 256]; 4]; 3];
+    let mut i = 0;
+    while i < 3 * 4 * 256 {
+        let (dimension, byte, value) = (i / 1024, i / 256 % 4, i % 256);
+        let mut bit = 0;
+        while bit < 8 {
+            if value >> bit & 1 == 1 {
+                tables[dimension][byte][value] ^= SOBOL[dimension + 1][8 * byte + bit];
+            }
+            bit += 1;
+        }
+        i += 1;
+    }
+    tables
+}
+
 #[inline]
 fn sobol(index: u32, dimension: usize) -> u32 {
     if dimension == 0 {
         return index.reverse_bits();
     }
-    let table = &SOBOL[dimension];
-    let (mut rest, mut x) = (index, 0);
-    while rest != 0 {
-        x ^= table[rest.trailing_zeros() as usize];
-        rest &= rest - 1;
-    }
-    x
+    let tables = &SOBOL_BYTES[dimension - 1];
+    let [a, b, c, d] = index.to_le_bytes().map(usize::from);
+    tables[0][a] ^ tables[1][b] ^ tables[2][c] ^ tables[3][d]
 }
 
 /// Nested uniform (Owen) scrambling of the bits of `x`, highest bit first.
@@ -133,6 +149,17 @@ mod tests {
     use super::*;
 
     #[test]
+    fn byte_tables_are_the_direction_numbers() {
+        for index in (0..2000).chain([u32::MAX, 0x8000_0001, 0x1234_5678]) {
+            for dimension in 0..4 {
+                let bits = (0..32).filter(|bit| index >> bit & 1 == 1);
+                let slow = bits.fold(0, |x, bit| x ^ SOBOL[dimension][bit as usize]);
+                assert_eq!(sobol(index, dimension), slow, "{index} {dimension}");
+            }
+        }
+    }
+
+    #[test]
     fn sobol_points_fill_every_elementary_interval() {
         // A (0, m, 2)-net: each of the 2^m boxes of every aspect ratio holds exactly one point.
         for pixel in 0..20 {
@@ -146,7 +173,7 @@ mod tests {
                         continue;
                     }
                     let (nx, ny) = (1usize << log_x, 1usize << (6 - log_x));
-                    let mut seen = vec![false; 64];
+                    let mut seen = [false; 64];
                     for p in &points {
                         let cell = (p.y * ny as f32) as usize * nx + (p.x * nx as f32) as usize;
                         assert!(!seen[cell], "pixel {pixel}, base {base}, {nx}x{ny}");
