@@ -27,7 +27,7 @@ pub(crate) struct InstantArgs {
     /// Let the scene refer to files outside its folder
     #[arg(long)]
     pub(crate) allow_external: bool,
-    /// Animation to play, by name or index [default: the first]
+    /// Animation to play, by name or index [default: all that do not move the same]
     #[arg(long, value_name = "NAME|INDEX")]
     pub(crate) animation: Option<String>,
     /// Time in the animation, in seconds
@@ -66,8 +66,8 @@ pub(crate) struct CameraArgs {
 #[derive(clap::Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Light")]
 pub(crate) struct LightArgs {
-    /// What lies behind everything: `none`
-    #[arg(long, value_name = "none")]
+    /// What lies behind everything: an .hdr or .exr panorama, `sky` (with a sun), or `none`
+    #[arg(long, value_name = "FILE|sky|none")]
     pub(crate) environment: Option<String>,
     /// Turns the environment about the vertical axis
     #[arg(long, value_name = "DEG", value_parser = values::number, allow_hyphen_values = true)]

@@ -17,7 +17,7 @@ use crate::error::Result;
 /// Pixels of the camera that is drawn.
 const GRID: (u32, u32) = (8, 5);
 /// The pixel whose ray is drawn.
-const PIXEL: (u32, u32) = (2, 1);
+const PIXEL: (u32, u32) = (6, 3);
 /// Vertical field of view of the camera that is drawn, degrees.
 const FOV: f32 = 48.0;
 /// The picture on which Eq. 26.2 is checked.
@@ -143,7 +143,7 @@ impl Diagram {
         label(canvas, corners[2] + Vec2::new(8.0, 12.0), "(w, h)", Anchor::Start);
         let top = corners[0].lerp(corners[1], 0.5) + Vec2::new(4.0, -10.0);
         label(canvas, top, "w pixels, 2 a f wide", Anchor::Start);
-        let side = corners[1].lerp(corners[2], 0.5) + Vec2::new(10.0, 0.0);
+        let side = corners[1].lerp(corners[2], 0.3) + Vec2::new(10.0, 0.0);
         label(canvas, side, "h pixels, 2 f high", Anchor::Start);
     }
 
@@ -192,7 +192,7 @@ impl Diagram {
         let through = self.on_screen(PIXEL.0 as f32 + 0.5, PIXEL.1 as f32 + 0.5);
         let at = self.page(through);
         canvas.line(self.page(eye), at, Pen::new(ink::BLACK, 1.6));
-        let end = self.page(eye + 1.55 * (through - eye));
+        let end = self.page(eye + 1.4 * (through - eye));
         canvas.arrow(at, end, Pen::new(ink::BLACK, 1.6));
         canvas.circle(at, 3.2, ink::BLACK, None);
         canvas.text(

@@ -139,7 +139,7 @@ fn fine_path(slice: &Slice, rays: usize, variant: u64) -> Option<Vec<Vec2>> {
         let long = points.windows(2).all(|p| p[0].distance(p[1]) > 1.2);
         // The second path goes to the right, so that the two are easily told apart.
         let side =
-            if variant == 0 { points[2].x < 3.6 && points[2].y > 4.0 } else { points[2].x > 6.5 };
+            if variant == 0 { points[2].x < 0.5 && points[2].y > 3.3 } else { points[2].x > 6.5 };
         (points.len() == rays + 1 && long && side).then_some(points)
     })
 }

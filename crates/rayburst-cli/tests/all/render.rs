@@ -129,6 +129,17 @@ fn sequences_are_numbered_and_skip_finished_frames() {
 }
 
 #[test]
+fn a_sequence_of_layers_goes_on_where_it_stopped() {
+    let place = Place::new();
+    let line = "render cornell --size 8x8 --frames 0..1 -o f{frame}.exr --resume";
+    place.good(&format!("{line} --spp 2"));
+    let ran = place.good(&format!("{line} --spp 5 --json"));
+    assert_eq!(ran.json()["rays"]["camera"], 2 * 8 * 8 * 3);
+    place.good("render cornell --size 8x8 --spp 5 --time 0 -o whole.exr");
+    assert!(place.read("f0.exr") == place.read("whole.exr"));
+}
+
+#[test]
 fn a_film_needs_ffmpeg() {
     let place = Place::new();
     let mut command = crate::program::command(place.folder());

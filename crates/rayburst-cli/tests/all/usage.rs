@@ -2,8 +2,8 @@
 
 use crate::program::{Place, Ran, command};
 
-const VERBS: [&str; 7] =
-    ["render", "info", "scenes", "compare", "figure", "bench rays", "completions"];
+const VERBS: [&str; 8] =
+    ["render", "info", "scenes", "compare", "figure", "inspect", "bench rays", "completions"];
 
 #[test]
 fn every_verb_has_help_with_an_example() {
@@ -104,6 +104,9 @@ fn values_out_of_range_are_refused() {
         "info",
         "compare a.png",
         "compare a.png b.png --heatmap map.exr",
+        "inspect cornell",
+        "inspect cornell --pixel 3",
+        "inspect cornell --pixel 512,0",
         "figure",
         "figure 26.4 -o f.exr",
         "bench",

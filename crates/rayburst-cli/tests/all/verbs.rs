@@ -98,3 +98,33 @@ fn rays_are_benchmarked() {
     let complaint = place.bad(1, &format!("{line} --peer embree=missing.so"));
     assert!(complaint.contains("missing.so"), "{complaint}");
 }
+
+#[test]
+fn an_inspected_path_is_the_renderers() {
+    let place = Place::new();
+    let numbers = |text: &str| -> Vec<f64> {
+        let inside = text.split(['(', ')']).nth(1).unwrap_or_default();
+        inside.split(", ").map(|n| n.parse().unwrap()).collect()
+    };
+    let mut lit = 0;
+    for (scene, pixel) in [("cornell", "100,480"), ("veach-mis", "300,300"), ("spheres", "200,200")]
+    {
+        let told = place.good(&format!("inspect {scene} --pixel {pixel} --samples 8")).stdout;
+        assert!(told.contains("eye ray from") && told.contains("nodes"), "{told}");
+        // Glass does not look for light.
+        let searches = told.contains("looks for light") && told.contains("pdf");
+        assert!(searches || scene == "spheres", "{told}");
+        let mut samples = 0;
+        for line in told.lines().filter(|l| l.trim_start().starts_with("radiance (")) {
+            let (own, reference) = line.split_once("reference").unwrap();
+            let (own, reference) = (numbers(own), numbers(reference));
+            for (a, b) in own.iter().zip(&reference) {
+                assert!((a - b).abs() <= 1e-3 * b.abs().max(1e-3), "{scene}: {line}");
+                lit += u32::from(*b > 0.0);
+            }
+            samples += 1;
+        }
+        assert_eq!(samples, 8, "{told}");
+    }
+    assert!(lit > 20, "only {lit} values above 0");
+}
