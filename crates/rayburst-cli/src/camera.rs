@@ -15,6 +15,9 @@ use crate::{
     terminal,
 };
 
+/// The focus of cameras that do not say what they focus on.
+const UNKNOWN: f32 = 0.0;
+
 /// All cameras of a posed scene with their names: views first, then those that nodes place.
 pub(crate) fn all(scene: &Scene, pose: &Pose) -> Vec<(String, Camera)> {
     let views = scene.views.iter().map(|v| (v.name.clone(), v.camera));
@@ -22,7 +25,8 @@ pub(crate) fn all(scene: &Scene, pose: &Pose) -> Vec<(String, Camera)> {
         let camera = &scene.cameras[node.camera? as usize];
         let name = if camera.name.is_empty() { &node.name } else { &camera.name };
         let transform = rigid(world)?;
-        let camera = Camera { transform, projection: camera.projection, aperture: 0.0, focus: 1.0 };
+        let camera =
+            Camera { transform, projection: camera.projection, aperture: 0.0, focus: UNKNOWN };
         Some((name.clone(), camera))
     });
     views.chain(placed).collect()
@@ -90,7 +94,7 @@ fn adjust(
             (Some(target), _) => target,
             // A new place looks where the camera looked, or at the scene.
             (None, Some(_)) if !own => centre,
-            (None, Some(_)) => eye + ahead * camera.focus.max(1.0),
+            (None, Some(_)) => eye + ahead * if camera.focus > 0.0 { camera.focus } else { 1.0 },
             (None, None) => eye + ahead,
         };
         if eye == target {
@@ -110,6 +114,10 @@ fn adjust(
             Projection::Perspective { .. } => looking.projection,
         };
         camera = Camera { aperture: camera.aperture, projection, ..looking };
+    }
+    if camera.focus == UNKNOWN {
+        let depth = (bounds.centre() - camera.eye()).dot(camera.frame()[2]);
+        camera.focus = if depth > 0.0 { depth } else { 1.0 };
     }
     if let Some(degrees) = args.fov {
         camera.projection = Projection::Perspective { fov: degrees.to_radians() };
@@ -159,6 +167,16 @@ mod tests {
         assert_eq!((moved.aperture, moved.focus), (1.0, 4.0));
         let same = CameraArgs { target: Some(Vec3::ZERO), ..CameraArgs::default() };
         assert!(adjust(camera, true, &bounds, 1.0, &same).is_err());
+    }
+
+    #[test]
+    fn a_camera_without_a_focus_takes_the_middle_of_the_scene() {
+        let bounds = Aabb { lower: Vec3::new(-1.0, -1.0, -7.0), upper: Vec3::new(1.0, 1.0, -5.0) };
+        let camera = Camera::look_at(Vec3::ZERO, -Vec3::Z, Vec3::Y, 1.0);
+        let unknown = Camera { focus: UNKNOWN, ..camera };
+        let with = |camera| adjust(camera, true, &bounds, 1.0, &CameraArgs::default()).unwrap();
+        assert_eq!(with(unknown).focus, 6.0);
+        assert_eq!(with(camera).focus, 1.0);
     }
 
     #[test]

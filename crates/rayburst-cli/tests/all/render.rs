@@ -153,6 +153,32 @@ fn a_film_needs_ffmpeg() {
 }
 
 #[test]
+#[cfg(unix)]
+fn frames_go_to_the_encoder() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let place = Place::new();
+    // Stands for ffmpeg: keeps what comes in, under the name of the last argument.
+    let script = "#!/bin/sh\nfor last; do :; done\nif [ -e fail ]; then echo no codec >&2; exit 1; fi\nexec /bin/cat > \"$last\"\n";
+    place.write("ffmpeg", script);
+    let mode = std::fs::Permissions::from_mode(0o755);
+    std::fs::set_permissions(place.path("ffmpeg"), mode).unwrap();
+    let run = || {
+        let mut command = crate::program::command(place.folder());
+        let line = "render --size 8x6 --spp 1 --frames 0..2 -o film.mp4";
+        command.env("PATH", place.folder()).args(line.split(' '));
+        crate::program::Ran::new(command.output())
+    };
+    let ran = run();
+    assert_eq!(ran.code, Some(0), "{ran:?}");
+    assert_eq!(place.read("film.mp4").len(), 3 * 8 * 6 * 3, "three frames of bytes");
+    place.write("fail", "");
+    let ran = run();
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    assert!(ran.complaint("mp4").contains("no codec"), "{ran:?}");
+    assert_eq!(place.files(), ["fail", "ffmpeg", "film.mp4"]);
+}
+
+#[test]
 fn aovs_are_layers() {
     let place = Place::new();
     place.good(&format!("{TINY} -o a.exr --aov albedo,normal,depth,position,instance,material"));
