@@ -25,6 +25,9 @@ pub(crate) struct Loaded {
     pub(crate) seconds: f64,
 }
 
+/// Warnings of one scene that are shown.
+const MAX_WARNINGS: usize = 12;
+
 /// Reads a file or makes a built-in scene; warnings go to stderr.
 pub(crate) fn load(name: &str, args: &InstantArgs) -> Result<Loaded> {
     let start = Instant::now();
@@ -34,7 +37,8 @@ pub(crate) fn load(name: &str, args: &InstantArgs) -> Result<Loaded> {
         view: args.view.clone(),
         ..LoadOptions::default()
     };
-    let (scene, size) = if path.is_file() || has_scene_ending(path) {
+    let is_there = path.exists() && !path.is_dir();
+    let (scene, size) = if is_there || has_scene_ending(path) {
         (import::load(path, &options)?, None)
     } else {
         let mut scene = builtin::build(name).map_err(|e| unknown_scene(path, &e))?;
@@ -44,8 +48,12 @@ pub(crate) fn load(name: &str, args: &InstantArgs) -> Result<Loaded> {
         let base = name.split(':').next().unwrap_or(name);
         (scene, builtin::list().iter().find(|b| b.name == base).map(|b| b.size))
     };
-    for warning in &scene.warnings {
+    for warning in scene.warnings.iter().take(MAX_WARNINGS) {
         terminal::warn(warning);
+    }
+    if scene.warnings.len() > MAX_WARNINGS {
+        let more = scene.warnings.len() - MAX_WARNINGS;
+        terminal::warn(format!("and {more} more; `rayburst info {name} --json` lists them all"));
     }
     Ok(Loaded { scene, name: name.to_owned(), size, seconds: start.elapsed().as_secs_f64() })
 }

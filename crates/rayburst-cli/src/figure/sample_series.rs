@@ -3,7 +3,11 @@
 
 use rayburst::{
     glam::Vec2,
-    image::{RgbImage, exposure::auto_exposure, metrics::rmse},
+    image::{
+        RgbImage,
+        exposure::{auto_exposure, scale},
+        metrics::rmse,
+    },
     math::SamplerKind,
     render::{IntegratorKind, RenderSettings, Renderer},
 };
@@ -18,8 +22,8 @@ use crate::error::Result;
 /// Samples a pixel of the pictures; the last one is the reference of the others.
 const SERIES: [u32; 5] = [1, 16, 256, 4096, 65_536];
 /// Pixels of a side, and points that a pixel takes on the page.
-const SIDE: u32 = 40;
-const MAGNIFIED: f32 = 4.0;
+const SIDE: u32 = 48;
+const MAGNIFIED: f32 = 3.5;
 const MARGIN: f32 = 24.0;
 const GAP: f32 = 8.0;
 
@@ -50,7 +54,11 @@ pub(super) fn draw() -> Result<Drawing> {
     let reference = &pictures[pictures.len() - 1];
     let stops = auto_exposure(reference);
     let errors: Vec<f64> =
-        pictures[..pictures.len() - 1].iter().map(|p| rmse(reference, p)).collect();
+        // In units of the white of the developed picture.
+        pictures[..pictures.len() - 1]
+            .iter()
+            .map(|p| rmse(reference, p) * f64::from(scale(stops)))
+            .collect();
     let slope = slope(&SERIES[..errors.len()], &errors);
 
     let cell = SIDE as f32 * MAGNIFIED;
@@ -64,7 +72,7 @@ pub(super) fn draw() -> Result<Drawing> {
         let at = Vec2::new(MARGIN + i as f32 * (cell + GAP), 66.0);
         canvas.picture(at, &rendering::develop(picture, stops), MAGNIFIED);
         let label = match errors.get(i) {
-            Some(error) => format!("{spp} spp · RMSE {error:.4}"),
+            Some(error) => format!("{spp} spp · RMSE {error:.3}"),
             None => format!("{spp} spp · reference"),
         };
         let below = at + Vec2::new(0.5 * cell, cell + 19.0);
