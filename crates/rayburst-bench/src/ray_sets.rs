@@ -5,7 +5,7 @@ use rayburst_accel::{AcceptAll, Blas, TraceOptions};
 use rayburst_math::{
     Frame, Hit, Ray,
     hash::{self, Rng},
-    offset::{interpolation_error, spawn_origin},
+    offset::{interpolation_error, intersection_error, spawn_origin},
     warp,
 };
 use rayburst_scene::Camera;
@@ -134,9 +134,11 @@ fn surface_points(mesh: &FlatMesh, rays: &[Ray], hits: &[Hit]) -> Vec<SurfacePoi
             let corners = mesh.indices[hit.primitive as usize];
             let [a, b, c] = corners.map(|i| mesh.positions[i as usize]);
             let normal = mesh.normal(hit.primitive);
+            let edges = [b - a, c - a];
+            let own = intersection_error(edges, edges[0].cross(edges[1]).length());
             SurfacePoint {
                 position: (1.0 - hit.u - hit.v) * a + hit.u * b + hit.v * c,
-                error: interpolation_error(a, b, c, hit.u, hit.v),
+                error: interpolation_error(a, b, c, hit.u, hit.v) + Vec3::splat(own),
                 normal: if normal.dot(ray.direction) > 0.0 { -normal } else { normal },
                 seed: hash::pcg(index as u32),
             }

@@ -50,13 +50,22 @@ pub fn describe_view(view: &View) -> String {
     )
 }
 
+/// What the default daylight is dimmed by: the ground then lies under an illuminance of about π, and
+/// white surfaces have a radiance of about 1.
+const DEFAULT_DIMMING: f32 = std::f32::consts::PI / 80_000.0;
+
 /// Adds a sky with its sun if nothing shines and the scene does not ask for darkness
 /// ([`Environment::None`]). Returns what to say then.
+///
+/// The daylight is not as bright as the sun: files without lights give the strength of what glows in
+/// them relative to the white of a screen.
 pub fn default_light(scene: &mut Scene) -> Option<&'static str> {
     if scene.environment.is_some() || scene.has_light() {
         return None;
     }
-    let (map, sun) = Sky::default().bake();
+    let (mut map, mut sun) = Sky::default().bake();
+    map.intensity *= DEFAULT_DIMMING;
+    sun.intensity *= DEFAULT_DIMMING;
     scene.environment = Some(Environment::Map(map));
     scene.world_lights.push(sun);
     Some("no light in the scene: a sky with a sun lights it (--environment chooses another)")

@@ -183,11 +183,13 @@ impl Scene {
             .sum()
     }
 
-    /// Whether any light, emissive material or environment shines.
+    /// Whether any light, lamp or environment shines. Materials that glow by a texture are displays
+    /// and decoration, not lamps.
     pub fn has_light(&self) -> bool {
+        let is_lamp = |m: &Material| m.is_emissive() && m.emissive_texture.index().is_none();
         !self.world_lights.is_empty()
             || self.nodes.iter().any(|n| n.light.is_some())
-            || self.materials.iter().any(Material::is_emissive)
+            || self.materials.iter().any(is_lamp)
             || matches!(self.environment, Some(Environment::Constant(_) | Environment::Map(_)))
     }
 }

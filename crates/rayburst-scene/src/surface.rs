@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3, Vec4};
 use rayburst_math::{
     Hit, HitKind,
-    offset::{gamma, interpolation_error, spawn_origin},
+    offset::{gamma, interpolation_error, intersection_error, spawn_origin},
 };
 
 use crate::{FlatGeometry, FlatInstance, FlatScene};
@@ -195,17 +195,6 @@ impl FlatScene {
             front: (hit.kind == HitKind::TRIANGLE_FRONT) != geometry.mirrored,
         }
     }
-}
-
-/// How far from the plane of a triangle the test may still find it, so that rays that leave it start
-/// farther away: the test's rounding is relative to the triangle's size, not to its coordinates, and
-/// grows as it gets narrow. `area` is twice the triangle's. Found by experiment: half of the factor is
-/// enough for triangles as wide as long; of 1 by 1000, one ray in 1000 still meets its own triangle.
-#[inline]
-fn intersection_error(edges: [Vec3; 2], area: f32) -> f32 {
-    let size = edges[0].abs().max(edges[1].abs()).max((edges[1] - edges[0]).abs()).max_element();
-    let narrowness = (size * size / area.max(f32::MIN_POSITIVE)).clamp(1.0, 1e4);
-    gamma(4) * size * narrowness.sqrt()
 }
 
 /// The unit vector of a cross product of edges; tiny triangles, whose cross product underflows, are

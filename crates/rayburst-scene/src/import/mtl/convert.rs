@@ -44,6 +44,11 @@ pub(crate) fn convert(mtl: &MtlMaterial, textures: &mut TextureStore<'_>) -> Con
 
     if let Some(emission) = mtl.emission {
         material.emissive = emission.to_array();
+        // Lamps shine to the side that their winding faces, as area lights elsewhere do: one that
+        // hangs close under a ceiling must not spend half its light in the gap.
+        if material.is_emissive() {
+            material.flags &= !Material::DOUBLE_SIDED;
+        }
     }
     if let Some(map) = &mtl.emission_map {
         material.emissive_texture = textures.slot(map, MapUse::Color);
