@@ -12,7 +12,6 @@ use clap::{Parser, Subcommand};
 #[command(
     name = "rayburst",
     version,
-    about,
     max_term_width = 100,
     arg_required_else_help = true,
     subcommand_required = true,
