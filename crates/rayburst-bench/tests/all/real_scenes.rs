@@ -9,7 +9,7 @@ use rayburst_scene::import::{LoadOptions, load};
 use rayburst_testkit::Oracle;
 use rayon::prelude::*;
 
-const SCENES: [&str; 10] = [
+const SCENES: [&str; 16] = [
     "sponza/sponza.gltf",
     "conference/conference.obj",
     "bathroom/bathroom.gltf",
@@ -20,6 +20,12 @@ const SCENES: [&str; 10] = [
     "bunny/bun_zipper.ply",
     "scrub_pine/scrub_pine_forest.gltf",
     "cornell_box/CornellBox-Water.obj",
+    "littlest_tokyo/LittlestTokyo.glb",
+    "chess_board/chess_board.glb",
+    "flight_helmet/FlightHelmet.gltf",
+    "damaged_helmet/DamagedHelmet.glb",
+    "fox/Fox.glb",
+    "cesium_man/CesiumMan.glb",
 ];
 
 const RAYS: usize = 10_000;
