@@ -22,7 +22,7 @@ pub(crate) struct QualityArgs {
     /// Width and height in pixels [default: the built-in scene's own, or 960x540]
     #[arg(long, value_name = "WxH", value_parser = values::size)]
     pub(crate) size: Option<(u32, u32)>,
-    /// Samples a pixel [default: 128; 16 for the views of surfaces; no end with --budget or --noise]
+    /// Samples a pixel [default: 256; 16 for the views of surfaces; no end with --budget or --noise]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16_777_216))]
     pub(crate) spp: Option<u32>,
     /// What a pixel shows

@@ -33,7 +33,7 @@ use writer::Writer;
 const DEFAULT_SIZE: (u32, u32) = (960, 540);
 
 /// Samples a pixel unless told otherwise.
-const DEFAULT_SPP: u32 = 128;
+const DEFAULT_SPP: u32 = 256;
 
 /// Samples a pixel of the inspection views, which have no noise but at edges.
 const INSPECTION_SPP: u32 = 16;

@@ -60,7 +60,7 @@ const SCENES: &[BuiltinScene] = &[
         summary: "the Cornell box with its measured geometry and spectra",
         figure: Some("26.6"),
         parameters: cornell::PARAMETERS,
-        size: (512, 512),
+        size: (400, 400),
         build: cornell::build,
     },
     BuiltinScene {
