@@ -175,7 +175,7 @@ fn peer(given: &str) -> Result<Peer, String> {
 #[derive(clap::Args, Clone, Debug)]
 #[command(after_help = "\
 Examples:
-  rayburst inspect cornell --pixel 256,400
+  rayburst inspect cornell --pixel 200,320
   rayburst inspect sponza.gltf --pixel 480,270 --samples 4")]
 pub(crate) struct InspectArgs {
     #[command(flatten)]
