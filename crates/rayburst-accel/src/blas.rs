@@ -179,6 +179,8 @@ fn number_triangles(geometries: &[TriangleMesh<'_>]) -> Result<Vec<u32>, BuildEr
 }
 
 impl Structure for Blas {
+    const TWO_LEVEL: bool = false;
+
     fn isa_level(&self) -> IsaLevel {
         self.isa
     }
@@ -193,18 +195,45 @@ impl Structure for Blas {
         query: &mut Q,
         count: &mut C,
     ) -> ControlFlow<()> {
-        let ray: &Ray = asker.ray;
-        let bounds = &self.tree.bounds;
-        let Some(prepared) = PreparedRay::new(ray.origin, ray.direction, bounds, 0.0) else {
+        let Some((prepared, Some(place))) = self.enter_root(asker.ray, options) else {
             return ControlFlow::Continue(());
         };
-        let place = Place::new(self, 0, InstanceFlags::default(), options);
         trace_blas(isa, &place, &prepared, asker, &mut stacks.bottom, query, count)
     }
 
     #[inline(always)]
     fn finish(&self, closest: &Closest) -> Hit {
         closest.finish(|_, triangle| self.locate(triangle))
+    }
+
+    #[inline(always)]
+    fn enter_root(
+        &self,
+        ray: &Ray,
+        options: &TraceOptions,
+    ) -> Option<(PreparedRay, Option<Place<'_>>)> {
+        let prepared = PreparedRay::new(ray, &self.tree.bounds, 0.0)?;
+        Some((prepared, Some(Place::new(self, 0, InstanceFlags::default(), options))))
+    }
+
+    #[inline(always)]
+    fn root_memory(&self) -> *const u8 {
+        self.tree.address(0)
+    }
+
+    fn enter(
+        &self,
+        _: u32,
+        _: &Ray,
+        _: &PreparedRay,
+        _: &TraceOptions,
+    ) -> Option<(PreparedRay, Place<'_>)> {
+        None
+    }
+
+    #[inline(always)]
+    fn stack_entries(&self) -> usize {
+        self.tree.stack_entries()
     }
 }
 

@@ -31,7 +31,9 @@ pub use blas::Blas;
 pub use error::BuildError;
 pub use geometry::{Instance, InstanceFlags, MAX_COORDINATE, TriangleMesh};
 pub use options::{BuildOptions, BuildQuality, BuildStats};
-pub use query::{AcceptAll, AllHits, CandidateFilter, Counters, Cull, FilterFn, TraceOptions};
+pub use query::{
+    AcceptAll, AllHits, CandidateFilter, Counters, Cull, FilterFn, TraceMode, TraceOptions,
+};
 pub use rayburst_simd::IsaLevel;
 pub use tlas::Tlas;
 pub use validate::{BvhDefect, ValidationReport};

@@ -15,6 +15,19 @@ pub enum Cull {
     Back,
 }
 
+/// How the rays of a batch are traced. Answers do not depend on it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum TraceMode {
+    /// What suits the rays, decided by looking at them.
+    #[default]
+    Auto,
+    /// One ray after another.
+    Single,
+    /// Several rays in flight, a node at a time each: hides the latency of memory.
+    Interleaved,
+}
+
 /// Options of a query, the same for all rays of a batch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TraceOptions {
@@ -22,11 +35,13 @@ pub struct TraceOptions {
     pub mask: u8,
     /// Which faces are skipped.
     pub cull: Cull,
+    /// How batches are traced.
+    pub mode: TraceMode,
 }
 
 impl Default for TraceOptions {
     fn default() -> Self {
-        Self { mask: 0xFF, cull: Cull::None }
+        Self { mask: 0xFF, cull: Cull::None, mode: TraceMode::Auto }
     }
 }
 

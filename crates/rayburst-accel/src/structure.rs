@@ -6,13 +6,15 @@ use rayburst_math::{Hit, Ray};
 use rayburst_simd::{Isa, IsaLevel, Kernel};
 
 use crate::{
-    AllHits, Blas, CandidateFilter, Counters, Tlas, TraceOptions,
+    AllHits, Blas, CandidateFilter, Counters, Tlas, TraceMode, TraceOptions,
     traverse::{
         all::All,
-        any::Any,
+        answers::{Answers, AnyHits, ClosestHits},
         closest::Closest,
         count::{Count, NoCount},
-        query::{Asker, Query},
+        interleaved,
+        prepare::PreparedRay,
+        query::{Asker, Place, Query},
         walk::Stack,
     },
 };
@@ -32,9 +34,14 @@ impl Stacks {
 
 /// What a structure must be able to do to answer all queries.
 pub(crate) trait Structure {
+    /// Whether leaves of the root's tree are instances.
+    const TWO_LEVEL: bool;
+    /// Whether the root is an instance, not a BLAS by itself.
+    const IS_INSTANCE: bool = false;
+
     fn isa_level(&self) -> IsaLevel;
 
-    /// Offers the query every triangle that a valid ray meets, until it breaks.
+    /// Offers the query every triangle that a ray meets, until it breaks.
     fn trace<I: Isa, Q: Query, F: CandidateFilter, C: Count>(
         &self,
         isa: I,
@@ -47,9 +54,32 @@ pub(crate) trait Structure {
 
     /// The hit of a finished query.
     fn finish(&self, closest: &Closest) -> Hit;
+
+    /// A ray prepared for the root, and where that is: among instances if nowhere. `None` if
+    /// the ray hits nothing.
+    fn enter_root(
+        &self,
+        ray: &Ray,
+        options: &TraceOptions,
+    ) -> Option<(PreparedRay, Option<Place<'_>>)>;
+
+    /// The start of the root's tree.
+    fn root_memory(&self) -> *const u8;
+
+    /// A ray prepared for an instance, and the instance. `None` if the ray hits nothing there.
+    fn enter(
+        &self,
+        instance: u32,
+        ray: &Ray,
+        world: &PreparedRay,
+        options: &TraceOptions,
+    ) -> Option<(PreparedRay, Place<'_>)>;
+
+    /// References that wait on a stack at most.
+    fn stack_entries(&self) -> usize;
 }
 
-/// A query of many rays as a kernel; `answer` makes and finishes the query of each.
+/// A query of many rays as a kernel.
 struct Batch<'a, S, F, C, A> {
     structure: &'a S,
     rays: &'a [Ray],
@@ -59,114 +89,89 @@ struct Batch<'a, S, F, C, A> {
     answers: A,
 }
 
-/// What becomes of the rays of a batch.
-trait Answers {
-    fn answer<I: Isa, S: Structure, F: CandidateFilter, C: Count>(
-        &mut self,
-        tracer: &mut Tracer<'_, I, S, F, C>,
-        index: usize,
-        ray: &Ray,
-    );
-}
-
 /// Traces one ray after another.
-struct Tracer<'a, I, S, F, C> {
-    isa: I,
-    structure: &'a S,
-    options: &'a TraceOptions,
-    filter: &'a F,
+pub(crate) struct Tracer<'a, I, S, F, C> {
+    pub(crate) isa: I,
+    pub(crate) structure: &'a S,
+    pub(crate) options: &'a TraceOptions,
+    pub(crate) filter: &'a F,
     stacks: Stacks,
-    count: C,
+    pub(crate) count: C,
 }
 
-impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Tracer<'_, I, S, F, C> {
+impl<'a, I: Isa, S: Structure, F: CandidateFilter, C: Count> Tracer<'a, I, S, F, C> {
     #[inline(always)]
-    fn trace<Q: Query>(&mut self, index: usize, ray: &Ray, query: &mut Q) {
-        if ray.is_valid() {
-            let asker = Asker { filter: self.filter, ray, index: index as u32 };
-            // Whether the search ended early is in the query.
-            let _ = self.structure.trace(
-                self.isa,
-                &asker,
-                self.options,
-                &mut self.stacks,
-                query,
-                &mut self.count,
-            );
-        }
+    fn new(isa: I, structure: &'a S, options: &'a TraceOptions, filter: &'a F) -> Self {
+        Self { isa, structure, options, filter, stacks: Stacks::new(), count: C::default() }
+    }
+
+    /// Asks a query of one ray; `count` is that ray's alone.
+    #[inline(always)]
+    pub(crate) fn trace<Q: Query>(&mut self, index: usize, ray: &Ray, query: &mut Q) {
+        self.count = C::default();
+        let asker = Asker { filter: self.filter, ray, index: index as u32 };
+        // Whether the search ended early is in the query.
+        let _ = self.structure.trace(
+            self.isa,
+            &asker,
+            self.options,
+            &mut self.stacks,
+            query,
+            &mut self.count,
+        );
     }
 }
+
+/// Fewer rays are traced one by one.
+const FEW: usize = 4;
 
 impl<S: Structure, F: CandidateFilter, C: Count, A: Answers> Kernel for Batch<'_, S, F, C, A> {
     type Output = ();
 
     #[inline(always)]
     fn run<I: Isa>(mut self, isa: I) {
-        let mut tracer = Tracer {
-            isa,
-            structure: self.structure,
-            options: self.options,
-            filter: self.filter,
-            stacks: Stacks::new(),
-            count: C::default(),
+        let mut tracer = Tracer::new(isa, self.structure, self.options, self.filter);
+        let single = match self.options.mode {
+            TraceMode::Auto => self.rays.len() < FEW,
+            TraceMode::Single => true,
+            TraceMode::Interleaved => false,
         };
-        for (index, (ray, count)) in self.rays.iter().zip(self.counts).enumerate() {
-            tracer.count = C::default();
-            self.answers.answer(&mut tracer, index, ray);
-            *count = tracer.count;
+        if single {
+            for (index, (ray, count)) in self.rays.iter().zip(self.counts).enumerate() {
+                let mut query = A::begin(ray);
+                tracer.trace(index, ray, &mut query);
+                *count = tracer.count;
+                self.answers.end(self.structure, index, &query);
+            }
+        } else {
+            interleaved::trace(&mut tracer, self.rays, self.counts, &mut self.answers);
         }
     }
 }
 
-struct ClosestHits<'a>(&'a mut [Hit]);
-
-impl Answers for ClosestHits<'_> {
-    #[inline(always)]
-    fn answer<I: Isa, S: Structure, F: CandidateFilter, C: Count>(
-        &mut self,
-        tracer: &mut Tracer<'_, I, S, F, C>,
-        index: usize,
-        ray: &Ray,
-    ) {
-        let mut query = Closest::new(ray);
-        tracer.trace(index, ray, &mut query);
-        self.0[index] = tracer.structure.finish(&query);
-    }
-}
-
-struct AnyHits<'a>(&'a mut [bool]);
-
-impl Answers for AnyHits<'_> {
-    #[inline(always)]
-    fn answer<I: Isa, S: Structure, F: CandidateFilter, C: Count>(
-        &mut self,
-        tracer: &mut Tracer<'_, I, S, F, C>,
-        index: usize,
-        ray: &Ray,
-    ) {
-        let mut query = Any::new(ray);
-        tracer.trace(index, ray, &mut query);
-        self.0[index] = query.found;
-    }
-}
-
-struct EveryHit<'a> {
+/// All hits of many rays as a kernel: one ray after another, since hits are appended to one list.
+struct AllHitsBatch<'a, S, F> {
+    structure: &'a S,
+    rays: &'a [Ray],
+    options: &'a TraceOptions,
+    filter: &'a F,
     offsets: &'a mut Vec<usize>,
     hits: &'a mut Vec<Hit>,
 }
 
-impl Answers for EveryHit<'_> {
+impl<S: Structure, F: CandidateFilter> Kernel for AllHitsBatch<'_, S, F> {
+    type Output = ();
+
     #[inline(always)]
-    fn answer<I: Isa, S: Structure, F: CandidateFilter, C: Count>(
-        &mut self,
-        tracer: &mut Tracer<'_, I, S, F, C>,
-        index: usize,
-        ray: &Ray,
-    ) {
-        let mut query = All::new(ray, self.hits);
-        tracer.trace(index, ray, &mut query);
-        query.finish();
-        self.offsets.push(self.hits.len());
+    fn run<I: Isa>(self, isa: I) {
+        let mut tracer =
+            Tracer::<_, _, _, NoCount>::new(isa, self.structure, self.options, self.filter);
+        for (index, ray) in self.rays.iter().enumerate() {
+            let mut query = All::new(ray, self.hits);
+            tracer.trace(index, ray, &mut query);
+            query.finish();
+            self.offsets.push(self.hits.len());
+        }
     }
 }
 
@@ -181,13 +186,48 @@ fn run<S: Structure, F: CandidateFilter, C: Count>(
     structure.isa_level().dispatch(Batch { structure, rays, options, filter, counts, answers });
 }
 
+fn run_all<S: Structure, F: CandidateFilter>(
+    structure: &S,
+    rays: &[Ray],
+    options: &TraceOptions,
+    filter: &F,
+    offsets: &mut Vec<usize>,
+    hits: &mut Vec<Hit>,
+) {
+    structure.isa_level().dispatch(AllHitsBatch {
+        structure,
+        rays,
+        options,
+        filter,
+        offsets,
+        hits,
+    });
+}
+
 /// As many counters as rays that count nothing and take no memory.
 fn uncounted(rays: &[Ray]) -> Vec<NoCount> {
     vec![NoCount; rays.len()]
 }
 
+/// Calls a function with a structure.
+macro_rules! whole {
+    ($structure:ident, $call:ident, $($arguments:expr),*) => {
+        $call($structure, $($arguments),*)
+    };
+}
+
+/// Calls a function with a TLAS, or with its only instance.
+macro_rules! whole_or_sole {
+    ($tlas:ident, $call:ident, $($arguments:expr),*) => {
+        match $tlas.sole() {
+            Some(sole) => $call(&sole, $($arguments),*),
+            None => $call($tlas, $($arguments),*),
+        }
+    };
+}
+
 macro_rules! queries {
-    ($structure:ty) => {
+    ($structure:ty, $with:ident) => {
         impl $structure {
             /// The nearest hit of a ray, or [`Hit::MISS`].
             pub fn closest_hit(
@@ -225,8 +265,7 @@ macro_rules! queries {
             ) {
                 hits.clear();
                 let rays = std::slice::from_ref(ray);
-                let answers = EveryHit { offsets: &mut vec![], hits };
-                run(self, rays, options, filter, &mut uncounted(rays), answers);
+                $with!(self, run_all, rays, options, filter, &mut vec![], hits);
             }
 
             /// The nearest hit of each ray.
@@ -241,7 +280,7 @@ macro_rules! queries {
                 filter: &impl CandidateFilter,
             ) {
                 assert_eq!(rays.len(), hits.len(), "as many hits as rays");
-                run(self, rays, options, filter, &mut uncounted(rays), ClosestHits(hits));
+                $with!(self, run, rays, options, filter, &mut uncounted(rays), ClosestHits(hits));
             }
 
             /// The nearest hit of each ray, and what each visited.
@@ -258,7 +297,7 @@ macro_rules! queries {
             ) {
                 assert_eq!(rays.len(), hits.len(), "as many hits as rays");
                 assert_eq!(rays.len(), counts.len(), "as many counts as rays");
-                run(self, rays, options, filter, counts, ClosestHits(hits));
+                $with!(self, run, rays, options, filter, counts, ClosestHits(hits));
             }
 
             /// Whether each ray hits anything.
@@ -273,7 +312,7 @@ macro_rules! queries {
                 filter: &impl CandidateFilter,
             ) {
                 assert_eq!(rays.len(), occluded.len(), "as many answers as rays");
-                run(self, rays, options, filter, &mut uncounted(rays), AnyHits(occluded));
+                $with!(self, run, rays, options, filter, &mut uncounted(rays), AnyHits(occluded));
             }
 
             /// Whether each ray hits anything, and what each visited.
@@ -290,7 +329,7 @@ macro_rules! queries {
             ) {
                 assert_eq!(rays.len(), occluded.len(), "as many answers as rays");
                 assert_eq!(rays.len(), counts.len(), "as many counts as rays");
-                run(self, rays, options, filter, counts, AnyHits(occluded));
+                $with!(self, run, rays, options, filter, counts, AnyHits(occluded));
             }
 
             /// Every hit of each ray.
@@ -302,16 +341,16 @@ macro_rules! queries {
             ) -> AllHits {
                 let (mut offsets, mut hits) = (Vec::with_capacity(rays.len() + 1), vec![]);
                 offsets.push(0);
-                let answers = EveryHit { offsets: &mut offsets, hits: &mut hits };
-                run(self, rays, options, filter, &mut uncounted(rays), answers);
+                $with!(self, run_all, rays, options, filter, &mut offsets, &mut hits);
                 AllHits { offsets, hits }
             }
         }
     };
 }
 
-queries!(Blas);
-queries!(Tlas);
+queries!(Blas, whole);
+queries!(Tlas, whole_or_sole);
+
 #[cfg(test)]
 mod tests {
     use std::sync::Arc;

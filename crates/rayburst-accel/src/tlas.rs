@@ -26,9 +26,9 @@ use crate::{
     traverse::{
         closest::Closest,
         count::Count,
-        prepare::PreparedRay,
+        prepare::{PreparedRay, Span},
         query::{Asker, Place, Query, trace_blas},
-        walk::{Stack, walk},
+        walk::{self, Stack, walk},
     },
     validate,
 };
@@ -183,43 +183,48 @@ impl Tlas {
         self.placed[instance as usize].inverse
     }
 
-    /// Asks a query of one instance; `world` is the ray as prepared for all of them.
+    /// The only instance that can be hit, if there is just one.
     #[inline(always)]
-    fn enter<I: Isa, Q: Query, F: CandidateFilter, C: Count>(
+    pub(crate) fn sole(&self) -> Option<Sole<'_>> {
+        self.sole.map(|index| Sole { tlas: self, index })
+    }
+
+    /// A ray prepared for an instance, and the instance; `world` is the ray as prepared for all of
+    /// them. `None` if the ray does not hit it.
+    #[inline(always)]
+    fn enter_instance(
         &self,
-        isa: I,
         index: u32,
+        ray: &Ray,
         world: Option<&PreparedRay>,
-        asker: &Asker<'_, F>,
         options: &TraceOptions,
-        stack: &mut Stack,
-        query: &mut Q,
-        count: &mut C,
-    ) -> ControlFlow<()> {
+    ) -> Option<(PreparedRay, Place<'_>)> {
         let placed = &self.placed[index as usize];
         if placed.mask & options.mask == 0 {
-            return ControlFlow::Continue(());
+            return None;
         }
-        count.instance();
         let blas = &*self.blases[placed.blas as usize];
         let place = Place::new(blas, index, placed.flags, options);
-        let local;
-        let prepared = match world {
+        match world {
             // Prepared for a larger box: as conservative as need be.
-            Some(world) if placed.identity => world,
+            Some(world) if placed.identity => Some((*world, place)),
             _ => {
-                let origin = placed.inverse.transform_point3(asker.ray.origin);
-                let direction = placed.inverse.transform_vector3(asker.ray.direction);
-                let ray = Ray { origin, direction, ..*asker.ray };
-                let bounds = blas.bounds();
-                match PreparedRay::new(origin, direction, &bounds, 0.0) {
-                    Some(prepared) if ray.is_valid() => local = prepared,
-                    _ => return ControlFlow::Continue(()),
-                }
-                &local
+                let origin = placed.inverse.transform_point3(ray.origin);
+                let direction = placed.inverse.transform_vector3(ray.direction);
+                let local = Ray { origin, direction, ..*ray };
+                Some((PreparedRay::new(&local, &blas.bounds(), 0.0)?, place))
             }
-        };
-        trace_blas(isa, &place, prepared, asker, stack, query, count)
+        }
+    }
+
+    /// A valid ray prepared for the boxes of instances.
+    #[inline(always)]
+    fn prepare(&self, ray: &Ray) -> Option<PreparedRay> {
+        let slack = 4.0
+            * f32::EPSILON
+            * self.condition
+            * (2.0 * ray.origin.abs().max_element() + 2.0 * self.reach);
+        PreparedRay::new(ray, &self.tree.bounds, slack)
     }
 
     /// Proves the structure, not its BLASes.
@@ -292,6 +297,8 @@ impl Leaves for InstanceLeaves {
 }
 
 impl Structure for Tlas {
+    const TWO_LEVEL: bool = true;
+
     fn isa_level(&self) -> IsaLevel {
         self.isa
     }
@@ -308,29 +315,15 @@ impl Structure for Tlas {
     ) -> ControlFlow<()> {
         let ray: &Ray = asker.ray;
         let Stacks { top, bottom } = stacks;
-        if let Some(index) = self.sole {
-            return self.enter(isa, index, None, asker, options, bottom, query, count);
-        }
-        let slack = 4.0
-            * f32::EPSILON
-            * self.condition
-            * (2.0 * ray.origin.abs().max_element() + 2.0 * self.reach);
-        let bounds = &self.tree.bounds;
-        let Some(world) = PreparedRay::new(ray.origin, ray.direction, bounds, slack) else {
+        let Some(world) = self.prepare(ray) else {
             return ControlFlow::Continue(());
         };
         let mut span = world.span(ray.t_min, query.t_max());
-        let leaf = |index: u32, span: &mut _, count: &mut C| {
-            self.enter(isa, index, Some(&world), asker, options, bottom, query, count)?;
-            if Q::ORDERED {
-                *span = world.span(ray.t_min, query.t_max());
-            }
-            ControlFlow::Continue(())
-        };
+        let mut leaves = Entered { isa, tlas: self, world: &world, options, asker, bottom, query };
         if Q::ORDERED {
-            walk::<I, C, true>(isa, &self.tree, &world.slab, &mut span, top, count, leaf)
+            walk::<I, C, true>(isa, &self.tree, &world.slab, &mut span, top, count, &mut leaves)
         } else {
-            walk::<I, C, false>(isa, &self.tree, &world.slab, &mut span, top, count, leaf)
+            walk::<I, C, false>(isa, &self.tree, &world.slab, &mut span, top, count, &mut leaves)
         }
     }
 
@@ -340,5 +333,131 @@ impl Structure for Tlas {
             let instance = &self.instances[instance as usize];
             self.blases[instance.blas as usize].locate(triangle)
         })
+    }
+
+    #[inline(always)]
+    fn enter_root(&self, ray: &Ray, _: &TraceOptions) -> Option<(PreparedRay, Option<Place<'_>>)> {
+        Some((self.prepare(ray)?, None))
+    }
+
+    #[inline(always)]
+    fn root_memory(&self) -> *const u8 {
+        self.tree.address(0)
+    }
+
+    #[inline(always)]
+    fn enter(
+        &self,
+        instance: u32,
+        ray: &Ray,
+        world: &PreparedRay,
+        options: &TraceOptions,
+    ) -> Option<(PreparedRay, Place<'_>)> {
+        self.enter_instance(instance, ray, Some(world), options)
+    }
+
+    fn stack_entries(&self) -> usize {
+        let deepest = self.blases.iter().map(|blas| blas.tree.stack_entries()).max();
+        // And the marker between them.
+        self.tree.stack_entries() + 1 + deepest.unwrap_or(0)
+    }
+}
+
+/// The leaves of a TLAS: its instances.
+struct Entered<'a, 'b, I, F, Q> {
+    isa: I,
+    tlas: &'a Tlas,
+    world: &'a PreparedRay,
+    options: &'a TraceOptions,
+    asker: &'a Asker<'b, F>,
+    bottom: &'a mut Stack,
+    query: &'a mut Q,
+}
+
+impl<I: Isa, F: CandidateFilter, Q: Query, C: Count> walk::Leaves<C> for Entered<'_, '_, I, F, Q> {
+    #[inline(always)]
+    fn visit(&mut self, index: u32, span: &mut Span, count: &mut C) -> ControlFlow<()> {
+        let ray = self.asker.ray;
+        let entered = self.tlas.enter_instance(index, ray, Some(self.world), self.options);
+        if let Some((local, place)) = entered {
+            count.instance();
+            trace_blas(self.isa, &place, &local, self.asker, self.bottom, self.query, count)?;
+        }
+        if Q::ORDERED {
+            *span = self.world.span(ray.t_min, self.query.t_max());
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+/// A TLAS of which only one instance can be hit: rays go straight there.
+pub(crate) struct Sole<'a> {
+    tlas: &'a Tlas,
+    index: u32,
+}
+
+impl Sole<'_> {
+    fn blas(&self) -> &Blas {
+        &self.tlas.blases[self.tlas.instances[self.index as usize].blas as usize]
+    }
+}
+
+impl Structure for Sole<'_> {
+    const TWO_LEVEL: bool = false;
+    const IS_INSTANCE: bool = true;
+
+    fn isa_level(&self) -> IsaLevel {
+        self.tlas.isa
+    }
+
+    #[inline(always)]
+    fn trace<I: Isa, Q: Query, F: CandidateFilter, C: Count>(
+        &self,
+        isa: I,
+        asker: &Asker<'_, F>,
+        options: &TraceOptions,
+        stacks: &mut Stacks,
+        query: &mut Q,
+        count: &mut C,
+    ) -> ControlFlow<()> {
+        let Some((prepared, Some(place))) = self.enter_root(asker.ray, options) else {
+            return ControlFlow::Continue(());
+        };
+        count.instance();
+        trace_blas(isa, &place, &prepared, asker, &mut stacks.bottom, query, count)
+    }
+
+    #[inline(always)]
+    fn finish(&self, closest: &Closest) -> Hit {
+        closest.finish(|_, triangle| self.blas().locate(triangle))
+    }
+
+    #[inline(always)]
+    fn enter_root(
+        &self,
+        ray: &Ray,
+        options: &TraceOptions,
+    ) -> Option<(PreparedRay, Option<Place<'_>>)> {
+        let (prepared, place) = self.tlas.enter_instance(self.index, ray, None, options)?;
+        Some((prepared, Some(place)))
+    }
+
+    #[inline(always)]
+    fn root_memory(&self) -> *const u8 {
+        self.blas().tree.address(0)
+    }
+
+    fn enter(
+        &self,
+        _: u32,
+        _: &Ray,
+        _: &PreparedRay,
+        _: &TraceOptions,
+    ) -> Option<(PreparedRay, Place<'_>)> {
+        None
+    }
+
+    fn stack_entries(&self) -> usize {
+        self.blas().tree.stack_entries()
     }
 }

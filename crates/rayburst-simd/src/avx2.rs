@@ -3,8 +3,7 @@
 use std::arch::x86_64::*;
 
 use crate::{
-    Boxes8, Isa, Kernel, ShearRay, SlabRay, TriangleHits, Triangles4,
-    triangles::{LARGE, SMALL, decide_exactly},
+    Boxes8, Isa, Kernel, Nearest, ShearRay, SlabRay, TriangleHits, Triangles4, isa::SLOT, x86,
 };
 
 /// Proof that the CPU has AVX2, FMA, BMI1, BMI2, F16C, LZCNT and POPCNT.
@@ -52,6 +51,39 @@ impl Isa for Avx2 {
     }
 
     #[inline(always)]
+    fn sorted8(
+        self,
+        node: (&Boxes8, &[u32; 8]),
+        ray: &SlabRay,
+        t_min: f32,
+        t_max: f32,
+        keys: &mut [u32; 8],
+        found: &mut [u32; 8],
+    ) -> (usize, u32) {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { sorted8(node, ray, t_min, t_max, keys, found) }
+    }
+
+    #[inline(always)]
+    fn met8(
+        self,
+        node: (&Boxes8, &[u32; 8]),
+        ray: &SlabRay,
+        t_min: f32,
+        t_max: f32,
+        found: &mut [u32; 8],
+    ) -> (usize, u32) {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { met8(node, ray, t_min, t_max, found) }
+    }
+
+    #[inline(always)]
+    fn last_within8(self, keys: &[u32; 8], limit: u32) -> usize {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { last_within8(keys, limit) }
+    }
+
+    #[inline(always)]
     fn triangles4(
         self,
         block: &Triangles4,
@@ -61,7 +93,20 @@ impl Isa for Avx2 {
         hits: &mut TriangleHits,
     ) -> u32 {
         // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { triangles4(block, ray, t_min, t_max, hits) }
+        unsafe { x86::triangles4(block, ray, t_min, t_max, hits) }
+    }
+
+    #[inline(always)]
+    fn nearest4(
+        self,
+        block: &Triangles4,
+        ray: &ShearRay,
+        t_min: f32,
+        t_max: f32,
+        keep: [u32; 2],
+    ) -> Nearest {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { x86::nearest4(block, ray, t_min, t_max, keep) }
     }
 
     #[inline(always)]
@@ -69,98 +114,157 @@ impl Isa for Avx2 {
         // SAFETY: a prefetch neither faults nor changes memory, whatever the address.
         unsafe { _mm_prefetch::<_MM_HINT_T0>(address.cast()) }
     }
+
+    #[inline(always)]
+    fn prefetch_write<T>(self, address: *const T) {
+        // SAFETY: as above.
+        unsafe { _mm_prefetch::<_MM_HINT_ET0>(address.cast()) }
+    }
 }
 
-#[inline]
-#[target_feature(enable = "avx2,fma,bmi1,bmi2,f16c,lzcnt,popcnt")]
-fn slab8(boxes: &Boxes8, ray: &SlabRay, t_min: f32, t_max: f32, distances: &mut [f32; 8]) -> u32 {
-    let (inverse, rows) = (ray.inverse(), ray.near_plane());
-    let (near_offset, far_offset) = (ray.near_offset(), ray.far_offset());
-    let plane = |row: usize, axis: usize, offset: f32| {
-        debug_assert!(row < 6);
-        // SAFETY: `SlabRay` holds rows below six, and flipping the lowest bit keeps them so; rows
-        // of an array of alignment 64 are 32 bytes long.
-        let planes = unsafe { _mm256_load_ps(boxes.planes.as_ptr().add(row).cast()) };
-        _mm256_fmsub_ps(planes, _mm256_set1_ps(inverse[axis]), _mm256_set1_ps(offset))
-    };
-    let near_x = plane(rows[0], 0, near_offset[0]);
-    let near_y = plane(rows[1], 1, near_offset[1]);
-    let near_z = plane(rows[2], 2, near_offset[2]);
-    let far_x = plane(rows[0] ^ 1, 0, far_offset[0]);
-    let far_y = plane(rows[1] ^ 1, 1, far_offset[1]);
-    let far_z = plane(rows[2] ^ 1, 2, far_offset[2]);
-    let near =
-        _mm256_max_ps(_mm256_max_ps(near_x, near_y), _mm256_max_ps(near_z, _mm256_set1_ps(t_min)));
-    let far =
-        _mm256_min_ps(_mm256_min_ps(far_x, far_y), _mm256_min_ps(far_z, _mm256_set1_ps(t_max)));
-    // SAFETY: `distances` has room for eight lanes; the store needs no alignment.
-    unsafe { _mm256_storeu_ps(distances.as_mut_ptr(), near) };
-    _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(near, far)) as u32
-}
-
-#[inline]
-#[target_feature(enable = "avx2,fma,bmi1,bmi2,f16c,lzcnt,popcnt")]
-fn triangles4(
-    block: &Triangles4,
-    ray: &ShearRay,
+/// # Safety
+/// The CPU must have what [`Avx2`] proves.
+#[inline(always)]
+unsafe fn slab8(
+    boxes: &Boxes8,
+    ray: &SlabRay,
     t_min: f32,
     t_max: f32,
-    hits: &mut TriangleHits,
+    distances: &mut [f32; 8],
 ) -> u32 {
-    let (origin, axes, shear) = (ray.origin(), ray.axes(), ray.shear());
-    let relative = |corner: usize, k: usize| {
-        debug_assert!(axes[k] < 3);
-        // SAFETY: `ShearRay` holds axes below three; each row of four lanes starts at a multiple of
-        // 16 bytes of a structure of alignment 32.
-        let row = unsafe {
-            _mm_load_ps(block.vertices.as_ptr().cast::<f32>().add(12 * corner + 4 * axes[k]))
-        };
-        _mm_sub_ps(row, _mm_set1_ps(origin[k]))
-    };
-    let sheared = |corner: usize| {
-        let z = relative(corner, 2);
-        let x = _mm_sub_ps(relative(corner, 0), _mm_mul_ps(_mm_set1_ps(shear[0]), z));
-        let y = _mm_sub_ps(relative(corner, 1), _mm_mul_ps(_mm_set1_ps(shear[1]), z));
-        (x, y, _mm_mul_ps(_mm_set1_ps(shear[2]), z))
-    };
-    let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (sheared(0), sheared(1), sheared(2));
-    let u = _mm_sub_ps(_mm_mul_ps(cx, by), _mm_mul_ps(cy, bx));
-    let v = _mm_sub_ps(_mm_mul_ps(ax, cy), _mm_mul_ps(ay, cx));
-    let w = _mm_sub_ps(_mm_mul_ps(bx, ay), _mm_mul_ps(by, ax));
-    let zero = _mm_setzero_ps();
-    let least = _mm_min_ps(_mm_min_ps(u, v), w);
-    let greatest = _mm_max_ps(_mm_max_ps(u, v), w);
-    let mixed = _mm_and_ps(_mm_cmplt_ps(least, zero), _mm_cmpgt_ps(greatest, zero));
-    if _mm_movemask_ps(mixed) == 0xF {
-        return 0;
-    }
-    let det = _mm_add_ps(_mm_add_ps(u, v), w);
-    let size = _mm_andnot_ps(_mm_set1_ps(-0.0), det);
-    let delicate = _mm_or_ps(
-        _mm_or_ps(_mm_cmpeq_ps(least, zero), _mm_cmpeq_ps(greatest, zero)),
-        _mm_or_ps(_mm_cmplt_ps(size, _mm_set1_ps(SMALL)), _mm_cmpgt_ps(size, _mm_set1_ps(LARGE))),
-    );
-    let scaled = _mm_add_ps(_mm_add_ps(_mm_mul_ps(u, az), _mm_mul_ps(v, bz)), _mm_mul_ps(w, cz));
-    let t = _mm_div_ps(scaled, det);
-    let inside =
-        _mm_and_ps(_mm_cmpge_ps(t, _mm_set1_ps(t_min)), _mm_cmple_ps(t, _mm_set1_ps(t_max)));
-    let mask = _mm_movemask_ps(_mm_andnot_ps(mixed, inside)) as u32;
-    let mut exact = _mm_movemask_ps(_mm_andnot_ps(mixed, delicate)) as u32;
-    if mask | exact == 0 {
-        return 0;
-    }
-    // SAFETY: the arrays have room for four lanes each; the stores need no alignment.
+    // SAFETY: the caller's promise; `distances` has room for eight lanes, aligned or not.
     unsafe {
-        _mm_storeu_ps(hits.t.as_mut_ptr(), t);
-        _mm_storeu_ps(hits.u.as_mut_ptr(), _mm_div_ps(v, det));
-        _mm_storeu_ps(hits.v.as_mut_ptr(), _mm_div_ps(w, det));
+        let (near, far) = x86::interval8(boxes, ray, t_min, t_max);
+        _mm256_storeu_ps(distances.as_mut_ptr(), near);
+        _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(near, far)) as u32
     }
-    hits.mask = mask;
-    hits.front = _mm_movemask_ps(_mm_cmpgt_ps(det, zero)) as u32;
-    while exact != 0 {
-        let lane = exact.trailing_zeros() as usize;
-        decide_exactly(block, ray, lane, t_min, t_max, hits);
-        exact &= exact - 1;
+}
+
+/// For each mask of eight lanes, the lanes that are set, then one that is not (if any).
+static SET_LANES: [[u8; 8]; 256] = {
+    let mut table = [[0; 8]; 256];
+    let mut mask = 0;
+    while mask < 256 {
+        let (mut lane, mut count) = (0, 0);
+        let mut unset = 0;
+        while lane < 8 {
+            if mask >> lane & 1 != 0 {
+                table[mask][count] = lane as u8;
+                count += 1;
+            } else {
+                unset = lane as u8;
+            }
+            lane += 1;
+        }
+        while count < 8 {
+            table[mask][count] = unset;
+            count += 1;
+        }
+        mask += 1;
     }
-    hits.mask
+    table
+};
+
+/// # Safety
+/// The CPU must have what [`Avx2`] proves.
+#[inline(always)]
+unsafe fn set_lanes(mask: u32) -> __m256i {
+    debug_assert!(mask < 256);
+    // SAFETY: the caller's promise; the mask is of eight lanes, the load of eight bytes.
+    unsafe {
+        let lanes = SET_LANES.get_unchecked(mask as usize);
+        _mm256_cvtepu8_epi32(_mm_loadl_epi64(lanes.as_ptr().cast()))
+    }
+}
+
+/// Exchanges lanes by `$shuffled` and keeps the greater but in the lanes of `$lesser`.
+macro_rules! exchange {
+    ($keys:ident, $shuffled:expr, $lesser:literal) => {{
+        let other = $shuffled;
+        _mm256_blend_epi32::<$lesser>(
+            _mm256_max_epu32($keys, other),
+            _mm256_min_epu32($keys, other),
+        )
+    }};
+}
+
+/// # Safety
+/// The CPU must have what [`Avx2`] proves.
+#[inline(always)]
+unsafe fn sorted8(
+    (boxes, children): (&Boxes8, &[u32; 8]),
+    ray: &SlabRay,
+    t_min: f32,
+    t_max: f32,
+    keys: &mut [u32; 8],
+    found: &mut [u32; 8],
+) -> (usize, u32) {
+    // SAFETY: the caller's promise; all arrays have eight lanes, aligned or not.
+    unsafe {
+        let (near, far) = x86::interval8(boxes, ray, t_min, t_max);
+        let met = _mm256_cmp_ps::<_CMP_LE_OQ>(near, far);
+        let mask = _mm256_movemask_ps(met) as u32;
+        let met = _mm256_castps_si256(met);
+        let slots = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+        let slot_bits = _mm256_set1_epi32(SLOT as i32);
+        let distances = _mm256_andnot_si256(slot_bits, _mm256_castps_si256(near));
+        let all = _mm256_or_si256(distances, slots);
+        let beyond = _mm256_cmpeq_epi32(met, _mm256_setzero_si256());
+        let nearest = x86::least8(_mm256_or_si256(all, beyond)) & SLOT;
+        // Lanes that are not met become zero: the least key.
+        let mut sorted = _mm256_permutevar8x32_epi32(_mm256_and_si256(all, met), set_lanes(mask));
+        let count = mask.count_ones();
+        // Bitonic sorting networks (Batcher 1968), greatest first: both halves, then all.
+        sorted = exchange!(sorted, _mm256_shuffle_epi32::<0b10_11_00_01>(sorted), 0b1010_1010);
+        sorted = exchange!(sorted, _mm256_shuffle_epi32::<0b00_01_10_11>(sorted), 0b1100_1100);
+        sorted = exchange!(sorted, _mm256_shuffle_epi32::<0b10_11_00_01>(sorted), 0b1010_1010);
+        if count > 4 {
+            let reverse = _mm256_setr_epi32(7, 6, 5, 4, 3, 2, 1, 0);
+            let reversed = _mm256_permutevar8x32_epi32(sorted, reverse);
+            sorted = exchange!(sorted, reversed, 0b1111_0000);
+            sorted = exchange!(sorted, _mm256_shuffle_epi32::<0b01_00_11_10>(sorted), 0b1100_1100);
+            sorted = exchange!(sorted, _mm256_shuffle_epi32::<0b10_11_00_01>(sorted), 0b1010_1010);
+        }
+        // The permutation looks at the three bits that hold the slot.
+        let children = _mm256_loadu_si256(children.as_ptr().cast());
+        _mm256_storeu_si256(keys.as_mut_ptr().cast(), sorted);
+        let sorted_children = _mm256_permutevar8x32_epi32(children, sorted);
+        _mm256_storeu_si256(found.as_mut_ptr().cast(), sorted_children);
+        (count as usize, nearest)
+    }
+}
+
+/// # Safety
+/// The CPU must have what [`Avx2`] proves.
+#[inline(always)]
+unsafe fn met8(
+    (boxes, children): (&Boxes8, &[u32; 8]),
+    ray: &SlabRay,
+    t_min: f32,
+    t_max: f32,
+    others: &mut [u32; 8],
+) -> (usize, u32) {
+    // SAFETY: the caller's promise; both arrays have eight lanes, aligned or not.
+    unsafe {
+        let (near, far) = x86::interval8(boxes, ray, t_min, t_max);
+        let mask = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(near, far)) as u32;
+        let rest = set_lanes(mask & mask.wrapping_sub(1));
+        let children = _mm256_loadu_si256(children.as_ptr().cast());
+        let rest = _mm256_permutevar8x32_epi32(children, rest);
+        _mm256_storeu_si256(others.as_mut_ptr().cast(), rest);
+        (mask.count_ones() as usize, mask.trailing_zeros() & SLOT)
+    }
+}
+
+/// # Safety
+/// The CPU must have what [`Avx2`] proves.
+#[inline(always)]
+unsafe fn last_within8(keys: &[u32; 8], limit: u32) -> usize {
+    // SAFETY: the caller's promise; the array has eight lanes, aligned or not.
+    unsafe {
+        let keys = _mm256_loadu_si256(keys.as_ptr().cast());
+        let beyond = _mm256_cmpgt_epi32(keys, _mm256_set1_epi32(limit as i32));
+        let within = !_mm256_movemask_ps(_mm256_castsi256_ps(beyond)) as u32 & 0xFF;
+        32 - within.leading_zeros() as usize
+    }
 }

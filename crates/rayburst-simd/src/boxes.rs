@@ -28,44 +28,65 @@ impl Boxes8 {
 
 /// A ray prepared for [`Boxes8`]: the distance to plane `p` of an axis is `p · inverse − offset`.
 #[derive(Clone, Copy, Debug)]
+#[repr(C, align(16))]
 pub struct SlabRay {
-    inverse: [f32; 3],
-    near_offset: [f32; 3],
-    far_offset: [f32; 3],
-    near_plane: [usize; 3],
+    inverse: [f32; 4],
+    near_offset: [f32; 4],
+    far_offset: [f32; 4],
+    near_plane: [u32; 4],
 }
 
 impl SlabRay {
     /// From one over the direction, finite and not zero, and the offsets of near and far planes,
-    /// finite.
+    /// finite; the fourth numbers do not matter.
     #[inline(always)]
-    pub fn new(inverse: [f32; 3], near_offset: [f32; 3], far_offset: [f32; 3]) -> Self {
-        let row = |axis: usize| 2 * axis + usize::from(inverse[axis] < 0.0);
-        Self { inverse, near_offset, far_offset, near_plane: [row(0), row(1), row(2)] }
+    pub fn new(inverse: [f32; 4], near_offset: [f32; 4], far_offset: [f32; 4]) -> Self {
+        const LOWER: [u32; 4] = [0, 2 * ROW_BYTES, 4 * ROW_BYTES, 0];
+        let row = |axis: usize| LOWER[axis] + (inverse[axis].to_bits() >> 31) * ROW_BYTES;
+        Self { inverse, near_offset, far_offset, near_plane: [row(0), row(1), row(2), row(3)] }
     }
 
     /// One over the direction.
     #[inline(always)]
     pub fn inverse(&self) -> [f32; 3] {
-        self.inverse
+        first_three(self.inverse)
     }
 
     /// What is subtracted at near planes.
     #[inline(always)]
     pub fn near_offset(&self) -> [f32; 3] {
-        self.near_offset
+        first_three(self.near_offset)
     }
 
     /// What is subtracted at far planes.
     #[inline(always)]
     pub fn far_offset(&self) -> [f32; 3] {
-        self.far_offset
+        first_three(self.far_offset)
     }
 
     /// The rows of [`Boxes8::planes`] that the ray meets first, less than six; the others are these
     /// with the lowest bit flipped.
     #[inline(always)]
     pub fn near_plane(&self) -> [usize; 3] {
-        self.near_plane
+        first_three(self.near_plane).map(|bytes| (bytes / ROW_BYTES) as usize)
     }
+
+    /// Where those rows start in [`Boxes8`], in bytes; the others start where bit
+    /// [`SlabRay::FAR_ROW`] is flipped.
+    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
+    pub(crate) fn near_row(&self) -> [usize; 3] {
+        first_three(self.near_plane).map(|bytes| bytes as usize)
+    }
+
+    /// The bit that tells the rows of lower and upper planes apart in [`SlabRay::near_row`].
+    #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
+    pub(crate) const FAR_ROW: usize = ROW_BYTES as usize;
+}
+
+const ROW_BYTES: u32 = 32;
+
+#[inline(always)]
+fn first_three<T>([x, y, z, _]: [T; 4]) -> [T; 3] {
+    [x, y, z]
 }

@@ -1,6 +1,6 @@
 //! The token of an instruction set and the kernels that run under it.
 
-use crate::{Boxes8, ShearRay, SlabRay, TriangleHits, Triangles4};
+use crate::{Boxes8, Nearest, ShearRay, SlabRay, TriangleHits, Triangles4};
 
 /// A proof that the running CPU has an instruction set: tokens other than [`crate::Scalar`] are only
 /// made by detection.
@@ -22,6 +22,70 @@ pub trait Isa: Copy + Send + Sync + std::fmt::Debug + 'static {
         distances: &mut [f32; 8],
     ) -> u32;
 
+    /// The children of a node whose boxes a ray may meet, the farthest first; returns how many, and
+    /// the slot of the nearest, which is known long before the order of all.
+    ///
+    /// `keys[i]` holds the bits of the distance at which the ray enters the box of `found[i]`, its
+    /// lowest three bits replaced by the child's slot: bits of numbers that are not negative sort
+    /// like the numbers. What is beyond the returned number is unspecified. Needs `t_min ≥ 0`, which
+    /// may not be −0.
+    #[inline(always)]
+    fn sorted8(
+        self,
+        node: (&Boxes8, &[u32; 8]),
+        ray: &SlabRay,
+        t_min: f32,
+        t_max: f32,
+        keys: &mut [u32; 8],
+        found: &mut [u32; 8],
+    ) -> (usize, u32) {
+        let mut distances = [0.0; 8];
+        let mut mask = self.slab8(node.0, ray, t_min, t_max, &mut distances);
+        let mut count = 0;
+        while mask != 0 {
+            let slot = mask.trailing_zeros() as usize % 8;
+            mask &= mask - 1;
+            let key = (distances[slot].to_bits() & KEY_DISTANCE & !SLOT) | slot as u32;
+            let mut place = count;
+            while place > 0 && keys[place - 1] < key {
+                (keys[place], found[place]) = (keys[place - 1], found[place - 1]);
+                place -= 1;
+            }
+            (keys[place], found[place]) = (key, node.1[slot]);
+            count += 1;
+        }
+        (count, if count == 0 { 0 } else { keys[count - 1] & SLOT })
+    }
+
+    /// The children of a node whose boxes a ray may meet: returns how many and the slot of the first,
+    /// and writes the others by slot. What is beyond is unspecified.
+    #[inline(always)]
+    fn met8(
+        self,
+        node: (&Boxes8, &[u32; 8]),
+        ray: &SlabRay,
+        t_min: f32,
+        t_max: f32,
+        others: &mut [u32; 8],
+    ) -> (usize, u32) {
+        let mask = self.slab8(node.0, ray, t_min, t_max, &mut [0.0; 8]);
+        let mut rest = mask & mask.wrapping_sub(1);
+        let mut count = 0;
+        while rest != 0 {
+            others[count % 8] = node.1[rest.trailing_zeros() as usize % 8];
+            rest &= rest - 1;
+            count += 1;
+        }
+        (mask.count_ones() as usize, mask.trailing_zeros() & SLOT)
+    }
+
+    /// One more than the index of the last key that is no greater than `limit`; zero if all are.
+    /// Keys and limit are less than 2³¹.
+    #[inline(always)]
+    fn last_within8(self, keys: &[u32; 8], limit: u32) -> usize {
+        keys.iter().rposition(|&key| key <= limit).map_or(0, |index| index + 1)
+    }
+
     /// Which of four triangles a ray meets in `t_min ≤ t ≤ t_max`; returns `hits.mask`, and leaves
     /// the rest of `hits` alone if that is zero.
     fn triangles4(
@@ -33,9 +97,43 @@ pub trait Isa: Copy + Send + Sync + std::fmt::Debug + 'static {
         hits: &mut TriangleHits,
     ) -> u32;
 
+    /// The nearest of four triangles that a ray meets in `t_min ≤ t ≤ t_max`, without a branch;
+    /// `keep` has lanes that may be met if they wind counter-clockwise seen from the origin, and if
+    /// clockwise.
+    #[inline(always)]
+    fn nearest4(
+        self,
+        block: &Triangles4,
+        ray: &ShearRay,
+        t_min: f32,
+        t_max: f32,
+        keep: [u32; 2],
+    ) -> Nearest {
+        let mut hits = TriangleHits::NONE;
+        let mut mask = self.triangles4(block, ray, t_min, t_max, &mut hits);
+        mask &= (hits.front & keep[0]) | (!hits.front & keep[1]);
+        let mut nearest = Nearest { t: f32::INFINITY, lane: 0, mask, doubtful: false };
+        for lane in (0..4).filter(|lane| mask >> lane & 1 != 0) {
+            let t = hits.t[lane];
+            nearest.doubtful |= t == nearest.t;
+            if t < nearest.t {
+                nearest = Nearest { t, lane: lane as u32, mask, doubtful: false };
+            }
+        }
+        nearest
+    }
+
     /// Asks for the cache line at an address, which need not be valid.
     fn prefetch<T>(self, address: *const T);
+
+    /// Asks for the cache line at an address, which need not be valid, to write there.
+    fn prefetch_write<T>(self, address: *const T);
 }
+
+/// Bits of a key that hold a slot.
+pub const SLOT: u32 = 7;
+/// Bits of a number that is not negative.
+const KEY_DISTANCE: u32 = u32::MAX >> 1;
 
 /// Work written once for every instruction set.
 pub trait Kernel {

@@ -3,7 +3,7 @@
 use crate::{Isa, Kernel, Scalar};
 
 #[cfg(target_arch = "x86_64")]
-use crate::Avx2;
+use crate::{Avx2, Avx512};
 
 /// The environment variable that names the instruction set to use instead of the best one.
 pub const ISA_VARIABLE: &str = "RAYBURST_ISA";
@@ -37,6 +37,9 @@ pub enum IsaLevel {
     /// AVX2 with FMA.
     #[cfg(target_arch = "x86_64")]
     Avx2(Avx2),
+    /// AVX-512.
+    #[cfg(target_arch = "x86_64")]
+    Avx512(Avx512),
 }
 
 impl IsaLevel {
@@ -45,14 +48,19 @@ impl IsaLevel {
         #[cfg_attr(not(target_arch = "x86_64"), allow(unused_mut))]
         let mut levels = vec![Self::Scalar(Scalar)];
         #[cfg(target_arch = "x86_64")]
-        levels.extend(Avx2::detect().map(Self::Avx2));
+        {
+            levels.extend(Avx2::detect().map(Self::Avx2));
+            levels.extend(Avx512::detect().map(Self::Avx512));
+        }
         levels
     }
 
     /// The best instruction set of this CPU.
     pub fn detect() -> Self {
         #[cfg(target_arch = "x86_64")]
-        if let Some(token) = Avx2::detect() {
+        if let Some(token) = Avx512::detect() {
+            return Self::Avx512(token);
+        } else if let Some(token) = Avx2::detect() {
             return Self::Avx2(token);
         }
         Self::Scalar(Scalar)
@@ -80,6 +88,8 @@ impl IsaLevel {
             Self::Scalar(_) => Scalar::NAME,
             #[cfg(target_arch = "x86_64")]
             Self::Avx2(_) => Avx2::NAME,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512(_) => Avx512::NAME,
         }
     }
 
@@ -90,6 +100,8 @@ impl IsaLevel {
             Self::Scalar(token) => token.vectorize(kernel),
             #[cfg(target_arch = "x86_64")]
             Self::Avx2(token) => token.vectorize(kernel),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512(token) => token.vectorize(kernel),
         }
     }
 }

@@ -14,14 +14,20 @@ mod triangles;
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+#[cfg(target_arch = "x86_64")]
+mod x86;
 
 #[cfg(target_arch = "x86_64")]
 pub use avx2::Avx2;
+#[cfg(target_arch = "x86_64")]
+pub use avx512::Avx512;
 pub use boxes::{Boxes8, SlabRay};
-pub use isa::{Isa, Kernel};
+pub use isa::{Isa, Kernel, SLOT};
 pub use level::{ISA_VARIABLE, IsaError, IsaLevel};
 pub use scalar::Scalar;
-pub use triangles::{ShearRay, TriangleHits, Triangles4};
+pub use triangles::{Nearest, ShearRay, TriangleHits, Triangles4};
 
 #[cfg(test)]
 mod tests;

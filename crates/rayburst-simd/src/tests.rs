@@ -1,6 +1,8 @@
 //! Every instruction set against [`Scalar`], and [`Scalar`] against what it means.
 
-use crate::{Boxes8, Isa, IsaLevel, Kernel, Scalar, ShearRay, SlabRay, TriangleHits, Triangles4};
+use crate::{
+    Boxes8, Isa, IsaLevel, Kernel, Nearest, Scalar, ShearRay, SlabRay, TriangleHits, Triangles4,
+};
 
 /// A reproducible stream of numbers in [−1, 1).
 struct Random(u64);
@@ -15,6 +17,11 @@ impl Random {
     fn vector(&mut self) -> [f32; 3] {
         [self.next(), self.next(), self.next()]
     }
+}
+
+fn slab_ray(inverse: [f32; 3], near_offset: [f32; 3], far_offset: [f32; 3]) -> SlabRay {
+    let widened = |[x, y, z]: [f32; 3]| [x, y, z, f32::NAN];
+    SlabRay::new(widened(inverse), widened(near_offset), widened(far_offset))
 }
 
 struct Slab<'a>(&'a Boxes8, &'a SlabRay, f32, f32);
@@ -80,8 +87,8 @@ fn boxes_are_met_alike_up_to_the_rounding_of_a_plane() {
         let offset = [0, 1, 2].map(|axis| origin[axis] * inverse[axis]);
         let margin = inverse.map(|i| 1e-5 * i.abs());
         let widened = |sign: f32| [0, 1, 2].map(|a| offset[a] + sign * margin[a]);
-        let exact = SlabRay::new(inverse, offset, offset);
-        let wide = SlabRay::new(inverse, widened(1.0), widened(-1.0));
+        let exact = slab_ray(inverse, offset, offset);
+        let wide = slab_ray(inverse, widened(1.0), widened(-1.0));
         let (certain, _) = Scalar.dispatch_slab(&boxes, &exact);
         for level in IsaLevel::available() {
             let (mask, distances) = level.dispatch(Slab(&boxes, &wide, 0.0, 10.0));
@@ -119,7 +126,7 @@ fn triangles_are_met_alike_bit_for_bit() {
                 direction = [1.0, 0.0, 0.0];
             }
         }
-        let ray = ShearRay::new(origin, direction);
+        let ray = ShearRay::new(&origin, &direction, 1.0);
         let expected = Test(&block, &ray, -1.0, 5.0).run(Scalar);
         assert_eq!(expected.mask & 8, 0, "a lane of NaN is met");
         met[i % 2] += expected.mask.count_ones();
@@ -134,6 +141,52 @@ fn triangles_are_met_alike_bit_for_bit() {
         }
     }
     assert!(met[0] > 1000 && met[1] > 1000, "{met:?}");
+}
+
+struct NearestOf<'a>(&'a Triangles4, &'a ShearRay, f32, [u32; 2]);
+
+impl Kernel for NearestOf<'_> {
+    type Output = Nearest;
+
+    #[inline(always)]
+    fn run<I: Isa>(self, isa: I) -> Nearest {
+        isa.nearest4(self.0, self.1, 0.0, self.2, self.3)
+    }
+}
+
+#[test]
+fn the_nearest_triangle_is_that_of_all() {
+    let mut random = Random(5);
+    let mut met = [0; 2];
+    for i in 0..40_000 {
+        let block = random_block(&mut random, i % 4 == 0);
+        let (mut origin, direction) = (random.vector(), random.vector());
+        if i % 4 == 0 {
+            // Through corners of the lattice.
+            origin = [0, 1, 2].map(|k| block.vertices[i / 4 % 3][k][0] - direction[k]);
+        }
+        let ray = ShearRay::new(&origin, &direction, 1.0);
+        let keep = [[u32::MAX; 2], [u32::MAX, 0], [0, u32::MAX]][i % 3];
+        for level in IsaLevel::available() {
+            let hits = level.dispatch(Test(&block, &ray, 0.0, 2.0));
+            let mask = (hits.front & keep[0] | !hits.front & keep[1]) & hits.mask;
+            let lanes = || (0..4).filter(|lane| mask >> lane & 1 != 0);
+            let nearest = level.dispatch(NearestOf(&block, &ray, 2.0, keep));
+            if nearest.doubtful {
+                met[0] += 1;
+                continue;
+            }
+            met[1] += usize::from(mask != 0);
+            assert_eq!(nearest.mask, mask, "{}", level.name());
+            let t = lanes().map(|lane| hits.t[lane]).fold(f32::INFINITY, f32::min);
+            assert_eq!(nearest.t, t);
+            if mask != 0 {
+                assert_eq!(hits.t[nearest.lane as usize], t);
+                assert_eq!(lanes().filter(|&lane| hits.t[lane] == t).count(), 1);
+            }
+        }
+    }
+    assert!(met[0] > 100 && met[1] > 200, "{met:?}");
 }
 
 #[test]
@@ -153,7 +206,7 @@ fn a_shared_edge_belongs_to_a_triangle_on_either_side() {
         let on_edge = [0, 1, 2].map(|axis| 0.5 * (a[axis] + c[axis]));
         let origin = random.vector();
         let direction = [0, 1, 2].map(|axis| on_edge[axis] - origin[axis]);
-        let ray = ShearRay::new(origin, direction);
+        let ray = ShearRay::new(&origin, &direction, 1.0);
         for level in IsaLevel::available() {
             let hits = level.dispatch(Test(&block, &ray, 0.0, f32::INFINITY));
             // Both on one side of the edge as seen by the ray: it may pass beside the fold.
@@ -167,6 +220,90 @@ fn a_shared_edge_belongs_to_a_triangle_on_either_side() {
             };
             if side(b) * side(d) < -1e-6 {
                 assert_ne!(hits.mask, 0, "{}: a ray slips through", level.name());
+            }
+        }
+    }
+}
+
+struct Order<'a>(&'a Boxes8, &'a SlabRay, f32, f32);
+
+impl Kernel for Order<'_> {
+    /// Mask, sorted keys and children, children by slot.
+    type Output = (u32, Vec<u32>, Vec<u32>, Vec<u32>);
+
+    #[inline(always)]
+    fn run<I: Isa>(self, isa: I) -> Self::Output {
+        let children = [10, 11, 12, 13, 14, 15, 16, 17];
+        let (mut keys, mut found, mut met) = ([0; 8], [0; 8], [0; 8]);
+        let mask = isa.slab8(self.0, self.1, self.2, self.3, &mut [0.0; 8]);
+        let node = (self.0, &children);
+        let (count, nearest) = isa.sorted8(node, self.1, self.2, self.3, &mut keys, &mut found);
+        let (met_count, first) = isa.met8(node, self.1, self.2, self.3, &mut met);
+        assert_eq!((count, met_count), (mask.count_ones() as usize, count));
+        if mask == 0 {
+            return (mask, vec![], vec![], vec![]);
+        }
+        assert_eq!(nearest, keys[count - 1] & crate::SLOT);
+        let mut by_slot = met[..count - 1].to_vec();
+        by_slot.insert(0, children[first as usize]);
+        (mask, keys[..count].to_vec(), found[..count].to_vec(), by_slot)
+    }
+}
+
+#[test]
+fn children_are_sorted_farthest_first() {
+    let mut random = Random(3);
+    let mut counts = [0; 9];
+    for i in 0..40_000 {
+        let mut boxes = random_boxes(&mut random);
+        let inverse = random.vector().map(|x| 1.0 / x);
+        let mut offset = [0, 1, 2].map(|axis| random.next() * inverse[axis]);
+        if i % 2 == 0 {
+            // From within boxes: many are met, at equal distances.
+            for slot in 0..8 - (i / 2) % 4 {
+                for axis in 0..3 {
+                    boxes.planes[2 * axis][slot] = -random.next().abs();
+                    boxes.planes[2 * axis + 1][slot] = random.next().abs();
+                }
+            }
+            offset = [0.0; 3];
+        }
+        let ray = slab_ray(inverse, offset, offset);
+        for level in IsaLevel::available() {
+            let (mask, keys, found, met) = level.dispatch(Order(&boxes, &ray, 0.0, 10.0));
+            let distances = level.dispatch(Slab(&boxes, &ray, 0.0, 10.0)).1;
+            counts[keys.len()] += 1;
+            assert!(keys.is_sorted_by(|a, b| a > b), "{}: {keys:?}", level.name());
+            let by_slot: Vec<u32> =
+                (0..8).filter(|slot| mask >> slot & 1 != 0).map(|slot| slot + 10).collect();
+            assert_eq!(met, by_slot, "{}", level.name());
+            for (key, child) in keys.iter().zip(&found) {
+                let slot = key & crate::SLOT;
+                assert_eq!(child - 10, slot);
+                assert_eq!(key & !crate::SLOT, distances[slot as usize].to_bits() & !crate::SLOT);
+            }
+        }
+    }
+    assert!(counts.iter().all(|&count| count > 50), "{counts:?}");
+}
+
+#[test]
+fn the_last_key_within_a_limit_is_found() {
+    struct Last<'a>(&'a [u32; 8], u32);
+    impl Kernel for Last<'_> {
+        type Output = usize;
+        #[inline(always)]
+        fn run<I: Isa>(self, isa: I) -> usize {
+            isa.last_within8(self.0, self.1)
+        }
+    }
+    let mut random = Random(4);
+    for _ in 0..5_000 {
+        let keys = [0; 8].map(|_: u32| (random.next().abs() * 10.0).to_bits());
+        for limit in [0, keys[3], (random.next().abs() * 10.0).to_bits(), i32::MAX as u32] {
+            let expected = keys.iter().rposition(|&key| key <= limit).map_or(0, |i| i + 1);
+            for level in IsaLevel::available() {
+                assert_eq!(level.dispatch(Last(&keys, limit)), expected, "{}", level.name());
             }
         }
     }

@@ -22,32 +22,34 @@ pub struct Triangles4 {
     pub ids: [u32; 4],
 }
 
+const ROW_BYTES: u32 = 16;
+
 /// A ray prepared for [`Triangles4`].
 #[derive(Clone, Copy, Debug)]
 pub struct ShearRay {
     origin: [f32; 3],
-    axes: [usize; 3],
+    /// Sixteen times the axes.
+    rows: [u32; 3],
     shear: [f32; 3],
 }
 
 impl ShearRay {
-    /// From an origin and a direction whose longest component is neither huge nor tiny.
+    /// From an origin and a direction whose longest component is neither huge nor tiny; `scale`
+    /// multiplies the direction.
     #[inline(always)]
-    pub fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
+    pub fn new(origin: &[f32; 3], direction: &[f32; 3], scale: f32) -> Self {
         let (x, y, z) = (direction[0].abs(), direction[1].abs(), direction[2].abs());
-        let kz = if x >= y && x >= z {
-            0
-        } else if y >= z {
-            1
-        } else {
-            2
-        };
-        let (next, last) = ((kz + 1) % 3, (kz + 2) % 3);
-        // Swapping keeps the winding, and with it the sign of the determinant.
-        let (kx, ky) = if direction[kz] < 0.0 { (last, next) } else { (next, last) };
-        let shear =
-            [direction[kx] / direction[kz], direction[ky] / direction[kz], 1.0 / direction[kz]];
-        Self { origin: [origin[kx], origin[ky], origin[kz]], axes: [kx, ky, kz], shear }
+        // Arithmetic instead of branches: no ray predicts the next one's axis.
+        let longest = usize::from(y > x) * usize::from(y >= z) + 2 * usize::from(z > x.max(y));
+        // Swapping x and y keeps the winding, and with it the sign of the determinant.
+        const AXES: [[u8; 3]; 6] =
+            [[1, 2, 0], [2, 0, 1], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2]];
+        let backwards = direction[longest % 3].to_bits() >> 31;
+        let axes = AXES[(longest + 3 * backwards as usize) % 6];
+        let pick = |v: &[f32; 3]| axes.map(|axis| v[axis as usize % 3]);
+        let [dx, dy, dz] = pick(direction).map(|d| d * scale);
+        let rows = axes.map(|axis| ROW_BYTES * u32::from(axis));
+        Self { origin: pick(origin), rows, shear: [dx / dz, dy / dz, 1.0 / dz] }
     }
 
     /// The origin along the axes that become x, y and z.
@@ -56,10 +58,17 @@ impl ShearRay {
         self.origin
     }
 
+    /// Where the rows of those axes start in a corner of [`Triangles4`], in bytes.
+    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
+    pub(crate) fn rows(&self) -> [usize; 3] {
+        self.rows.map(|row| row as usize)
+    }
+
     /// The axes that become x, y and z, each less than three.
     #[inline(always)]
     pub fn axes(&self) -> [usize; 3] {
-        self.axes
+        self.rows.map(|row| (row / ROW_BYTES) as usize)
     }
 
     /// Shears of x and y, scale of z.
@@ -89,6 +98,20 @@ impl TriangleHits {
     pub const NONE: Self = Self { t: [0.0; 4], u: [0.0; 4], v: [0.0; 4], mask: 0, front: 0 };
 }
 
+/// The nearest of four triangles that a ray meets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Nearest {
+    /// Its distance; infinite if none is met.
+    pub t: f32,
+    /// Its lane; of several equally near ones the first.
+    pub lane: u32,
+    /// Lanes that are met, as bits.
+    pub mask: u32,
+    /// Whether lanes need to be decided exactly or several are equally near: then the rest is
+    /// meaningless, and [`crate::Isa::triangles4`] must be asked.
+    pub doubtful: bool,
+}
+
 /// Determinants of smaller magnitude are evaluated in `f64`.
 pub(crate) const SMALL: f32 = f32::from_bits((127 - 100) << 23);
 /// Determinants of larger magnitude are evaluated in `f64`.
@@ -103,7 +126,7 @@ pub(crate) fn sheared(
     lane: usize,
 ) -> (f32, f32, f32) {
     let vertex = &block.vertices[corner];
-    let relative = |k: usize| vertex[ray.axes[k]][lane] - ray.origin[k];
+    let relative = |k: usize| vertex[ray.axes()[k]][lane] - ray.origin[k];
     let z = relative(2);
     (relative(0) - ray.shear[0] * z, relative(1) - ray.shear[1] * z, ray.shear[2] * z)
 }

@@ -34,6 +34,11 @@ impl Reference {
     /// The root, which is a node even if there is nothing below it.
     pub(crate) const ROOT: Self = Self(0);
 
+    /// The reference as it is stored.
+    pub(crate) const fn word(self) -> u32 {
+        self.0
+    }
+
     const fn node(line: u32) -> Self {
         Self(line << 2)
     }
@@ -62,6 +67,14 @@ pub(crate) struct Node8 {
     pub(crate) boxes: Boxes8,
     pub(crate) children: [Reference; 8],
     spare: [u32; 8],
+}
+
+impl Node8 {
+    /// The children as plain words.
+    #[inline(always)]
+    pub(crate) fn child_words(&self) -> &[u32; 8] {
+        bytemuck::cast_ref(&self.children)
+    }
 }
 
 const NODE_LINES: usize = size_of::<Node8>() / size_of::<Line>();
@@ -130,6 +143,12 @@ impl Bvh8 {
     #[cfg(test)]
     pub(crate) fn words(&self) -> &[u32] {
         bytemuck::cast_slice(&self.lines)
+    }
+
+    /// References that wait at most while one below is visited: all siblings on every level.
+    #[inline(always)]
+    pub(crate) fn stack_entries(&self) -> usize {
+        7 * self.shape.depth
     }
 
     /// Half lines in all.

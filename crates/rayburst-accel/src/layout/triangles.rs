@@ -37,6 +37,12 @@ impl TriangleId {
         self.0 & Self::TRANSLUCENT == 0
     }
 
+    /// Lanes whose triangles are not opaque, as bits.
+    #[inline(always)]
+    pub(crate) fn translucent_lanes(block: &Triangles4) -> u32 {
+        (0..BLOCK).fold(0, |lanes, lane| lanes | (block.ids[lane] >> 31) << lane)
+    }
+
     /// How many lanes hold triangles: the first ones.
     #[inline(always)]
     pub(crate) fn used_lanes(block: &Triangles4) -> u32 {

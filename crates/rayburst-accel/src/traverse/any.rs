@@ -3,8 +3,12 @@
 use std::ops::ControlFlow;
 
 use rayburst_math::Ray;
+use rayburst_simd::Isa;
 
-use super::query::{Candidate, Place, Query};
+use super::{
+    prepare::{PreparedRay, Span},
+    query::{Candidate, Pending, Place, Query},
+};
 
 /// Whether something was hit.
 pub(crate) struct Any {
@@ -37,4 +41,15 @@ impl Query for Any {
         self.found = true;
         ControlFlow::Break(())
     }
+
+    const ONE: bool = true;
+
+    #[inline(always)]
+    fn put_off(&mut self, hit: bool, _: Pending) -> ControlFlow<()> {
+        self.found |= hit;
+        if hit { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    #[inline(always)]
+    fn settle<I: Isa>(&mut self, _: I, _: &Place<'_>, _: &PreparedRay, _: &Span) {}
 }

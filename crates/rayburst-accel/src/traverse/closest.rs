@@ -3,8 +3,12 @@
 use std::ops::ControlFlow;
 
 use rayburst_math::{Hit, HitKind, Ray};
+use rayburst_simd::Isa;
 
-use super::query::{Candidate, Place, Query};
+use super::{
+    prepare::{PreparedRay, Span},
+    query::{Candidate, Pending, Place, Query, settle_candidate},
+};
 
 /// The best candidate so far.
 pub(crate) struct Closest {
@@ -14,6 +18,8 @@ pub(crate) struct Closest {
     /// Instance and triangle, in the order in which they win.
     key: u64,
     front: bool,
+    /// A better hit, known to the span's end only.
+    pending: Pending,
 }
 
 /// Comes after every triangle.
@@ -27,7 +33,7 @@ fn key(candidate: &Candidate, place: &Place<'_>) -> u64 {
 impl Closest {
     #[inline(always)]
     pub(crate) fn new(ray: &Ray) -> Self {
-        Self { t: ray.t_max, u: 0.0, v: 0.0, key: NO_KEY, front: false }
+        Self { t: ray.t_max, u: 0.0, v: 0.0, key: NO_KEY, front: false, pending: Pending::NONE }
     }
 
     /// The hit; `locate` gives the geometry and primitive of an instance's triangle.
@@ -72,7 +78,25 @@ impl Query for Closest {
             v: candidate.v,
             key: key(candidate, place),
             front: candidate.front,
+            pending: Pending::NONE,
         };
         ControlFlow::Continue(())
+    }
+
+    const ONE: bool = true;
+
+    #[inline(always)]
+    fn put_off(&mut self, hit: bool, pending: Pending) -> ControlFlow<()> {
+        self.pending = if hit { pending } else { self.pending };
+        ControlFlow::Continue(())
+    }
+
+    #[inline(always)]
+    fn settle<I: Isa>(&mut self, isa: I, place: &Place<'_>, ray: &PreparedRay, span: &Span) {
+        if self.pending != Pending::NONE {
+            let candidate = settle_candidate(isa, place, ray, self.pending, span.t_max);
+            // Never breaks.
+            let _ = self.take(&candidate, place);
+        }
     }
 }

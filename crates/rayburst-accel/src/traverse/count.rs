@@ -1,11 +1,13 @@
 //! Counting what a traversal visits, at no cost when nobody asks.
 
-use crate::Counters;
+use rayburst_simd::Triangles4;
+
+use crate::{Counters, layout::triangles::TriangleId};
 
 /// Something that hears of every visit.
 pub(crate) trait Count: Copy + Default {
     fn node(&mut self);
-    fn leaf(&mut self, triangles: u32);
+    fn leaf(&mut self, block: &Triangles4);
     fn instance(&mut self);
 }
 
@@ -17,7 +19,7 @@ impl Count for NoCount {
     #[inline(always)]
     fn node(&mut self) {}
     #[inline(always)]
-    fn leaf(&mut self, _: u32) {}
+    fn leaf(&mut self, _: &Triangles4) {}
     #[inline(always)]
     fn instance(&mut self) {}
 }
@@ -28,9 +30,9 @@ impl Count for Counters {
         self.nodes += 1;
     }
     #[inline(always)]
-    fn leaf(&mut self, triangles: u32) {
+    fn leaf(&mut self, block: &Triangles4) {
         self.leaves += 1;
-        self.triangles += triangles;
+        self.triangles += TriangleId::used_lanes(block);
     }
     #[inline(always)]
     fn instance(&mut self) {

@@ -1,9 +1,11 @@
 //! Traversal of wide trees, generic over the instruction set, the query, the filter and the counters.
 
 pub(crate) mod all;
+pub(crate) mod answers;
 pub(crate) mod any;
 pub(crate) mod closest;
 pub(crate) mod count;
+pub(crate) mod interleaved;
 pub(crate) mod prepare;
 pub(crate) mod query;
 pub(crate) mod walk;

@@ -15,8 +15,8 @@
 //!
 //! A structure of instances adds what the transform into an instance's space may be wrong by.
 
-use glam::{Vec3, Vec3A};
-use rayburst_math::Aabb;
+use glam::Vec4;
+use rayburst_math::{Aabb, Ray};
 use rayburst_simd::{ShearRay, SlabRay};
 
 /// Origins beyond this are misses: seen from there all vertices coincide.
@@ -40,18 +40,27 @@ pub(crate) struct PreparedRay {
     pub(crate) shear: ShearRay,
     scale: f32,
     lift: f32,
+    smallest: f32,
 }
 
 impl PreparedRay {
-    /// Prepares a valid ray for a structure of these bounds; `slack` widens all boxes. `None` if the
-    /// ray cannot hit anything.
+    /// Prepares a ray for a structure of these bounds; `slack` widens all boxes. `None` if the ray
+    /// is invalid or cannot hit anything.
     #[inline(always)]
-    pub(crate) fn new(origin: Vec3, direction: Vec3, bounds: &Aabb, slack: f32) -> Option<Self> {
-        let (origin, mut direction) = (Vec3A::from(origin), Vec3A::from(direction));
-        if bounds.is_empty() || origin.abs().max_element() > MAX_ORIGIN {
+    pub(crate) fn new(ray: &Ray, bounds: &Aabb, slack: f32) -> Option<Self> {
+        let origin = ray.origin.extend(0.0);
+        let mut direction = ray.direction.extend(0.0);
+        let mut longest = direction.abs().max_element();
+        // Comparisons are false for NaN, which a maximum might skip.
+        let within = |v: Vec4, limit: f32| v.abs().cmple(Vec4::splat(limit)).all();
+        let able = within(origin, MAX_ORIGIN)
+            & within(direction, f32::MAX)
+            & (longest > 0.0)
+            & (ray.t_min <= ray.t_max)
+            & !bounds.is_empty();
+        if !able {
             return None;
         }
-        let mut longest = direction.abs().max_element();
         let mut lift = 1.0;
         if longest < f32::MIN_POSITIVE {
             lift = LIFT;
@@ -60,24 +69,30 @@ impl PreparedRay {
         }
         let exponent = (longest.to_bits() >> 23).clamp(1, 253);
         let scale = f32::from_bits((254 - exponent) << 23);
+        let shear = if lift == 1.0 {
+            ShearRay::new(ray.origin.as_ref(), ray.direction.as_ref(), scale)
+        } else {
+            ShearRay::new(ray.origin.as_ref(), direction.truncate().as_ref(), scale)
+        };
         let direction = direction * scale;
-        let shear = ShearRay::new(origin.to_array(), direction.to_array());
 
-        let (lower, upper) = (Vec3A::from(bounds.lower), Vec3A::from(bounds.upper));
+        let (lower, upper) = (bounds.lower.extend(0.0), bounds.upper.extend(0.0));
         let reach = (lower - origin).abs().max((upper - origin).abs());
-        let reach_z = Vec3A::splat(reach.to_array()[shear.axes()[2]]);
+        let reach_z = Vec4::splat(reach.to_array()[shear.axes()[2]]);
         let error =
-            8.0 * EPSILON * (reach + reach_z) + 4.0 * EPSILON * origin.abs() + Vec3A::splat(slack);
-        let size = direction.abs().max(Vec3A::splat(SMALLEST_COMPONENT));
-        let inverse = Vec3A::ONE / size.copysign(direction);
+            8.0 * EPSILON * (reach + reach_z) + 4.0 * EPSILON * origin.abs() + Vec4::splat(slack);
+        let size = direction.abs().max(Vec4::splat(SMALLEST_COMPONENT));
+        let inverse = Vec4::ONE / size.copysign(direction);
         let centre = origin * inverse;
-        let margin = error * inverse.abs() + Vec3A::splat(f32::MIN_POSITIVE);
+        let margin = error * inverse.abs() + Vec4::splat(f32::MIN_POSITIVE);
         let slab = SlabRay::new(
             inverse.to_array(),
             (centre + margin).to_array(),
             (centre - margin).to_array(),
         );
-        Some(Self { slab, shear, scale, lift })
+        // A subnormal limit would be slow to compute; lifted directions have a large scale.
+        let smallest = f32::MIN_POSITIVE * reciprocal(scale).max(1.0);
+        Some(Self { slab, shear, scale, lift, smallest })
     }
 
     /// The internal interval of an interval in units of the ray's direction. Distances that such
@@ -87,8 +102,15 @@ impl PreparedRay {
         let clamp = |t: f32| t.clamp(-f32::MAX, f32::MAX);
         // Exact: the reciprocals of powers of two are powers of two.
         let (unscale, unlift) = (reciprocal(self.scale), reciprocal(self.lift));
-        let internal = |t: f32| clamp(clamp(t) * unscale * unlift);
+        // Adding zero makes −0 a 0, whose bits sort like its value.
+        let internal = |t: f32| clamp(clamp(t) * unscale * unlift) + 0.0;
         Span { t_min: internal(t_min), t_max: internal(t_max) }
+    }
+
+    /// The least internal distance that units of the ray's direction express exactly.
+    #[inline(always)]
+    pub(crate) fn smallest(&self) -> f32 {
+        self.smallest
     }
 
     /// An internal distance in units of the ray's direction.
@@ -106,6 +128,8 @@ fn reciprocal(power: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
 
     #[test]
@@ -114,7 +138,7 @@ mod tests {
         for power in -149..=127 {
             let longest = 2f64.powi(power) as f32;
             let direction = Vec3::new(0.0, -longest, longest * 0.25);
-            let ray = PreparedRay::new(Vec3::ONE, direction, &bounds, 0.0).unwrap();
+            let ray = PreparedRay::new(&Ray::new(Vec3::ONE, direction), &bounds, 0.0).unwrap();
             assert_eq!(reciprocal(ray.scale) * ray.scale, 1.0);
             for t in [1.0, -3.0, 0.125] {
                 let internal = ray.span(t, t).t_max;

@@ -8,7 +8,7 @@ use rayburst_simd::{Isa, TriangleHits, Triangles4};
 use super::{
     count::Count,
     prepare::{PreparedRay, Span},
-    walk::{Stack, walk},
+    walk::{Leaves, Stack, walk},
 };
 use crate::{
     Blas, CandidateFilter, Cull, InstanceFlags, TraceOptions, layout::triangles::TriangleId,
@@ -27,6 +27,15 @@ pub(crate) trait Query {
 
     /// Takes a candidate that passed the filter.
     fn take(&mut self, candidate: &Candidate, place: &Place<'_>) -> ControlFlow<()>;
+
+    /// Whether one hit answers the query: any, or the nearest if it is ordered.
+    const ONE: bool;
+
+    /// Notes a hit, if it is one, that is better than all before.
+    fn put_off(&mut self, hit: bool, pending: Pending) -> ControlFlow<()>;
+
+    /// Completes the hit that was put off last, if any; where it was found, `span` ends at it.
+    fn settle<I: Isa>(&mut self, isa: I, place: &Place<'_>, ray: &PreparedRay, span: &Span);
 }
 
 /// A triangle that a ray meets within the interval.
@@ -43,12 +52,13 @@ pub(crate) struct Candidate {
 }
 
 /// A BLAS and how it is seen.
+#[derive(Clone, Copy)]
 pub(crate) struct Place<'a> {
     pub(crate) blas: &'a Blas,
     pub(crate) instance: u32,
     clockwise: bool,
     force_opaque: Option<bool>,
-    /// Lanes kept of front faces, and of back faces.
+    /// Lanes kept of triangles that wind counter-clockwise, and of those that wind clockwise.
     keep: [u32; 2],
 }
 
@@ -67,7 +77,11 @@ impl<'a> Place<'a> {
             instance,
             clockwise: flags.front_clockwise,
             force_opaque: flags.force_opaque,
-            keep: [keep(cull != Cull::Front), keep(cull != Cull::Back)],
+            keep: if flags.front_clockwise {
+                [keep(cull != Cull::Back), keep(cull != Cull::Front)]
+            } else {
+                [keep(cull != Cull::Front), keep(cull != Cull::Back)]
+            },
         }
     }
 
@@ -75,6 +89,16 @@ impl<'a> Place<'a> {
     #[inline(always)]
     fn front(&self, counter_clockwise: u32) -> u32 {
         if self.clockwise { !counter_clockwise } else { counter_clockwise }
+    }
+
+    /// Of lanes, those that the filter has a say in.
+    #[inline(always)]
+    fn translucent(&self, block: &Triangles4) -> u32 {
+        match self.force_opaque {
+            Some(true) => 0,
+            Some(false) => u32::MAX,
+            None => TriangleId::translucent_lanes(block),
+        }
     }
 
     #[inline(always)]
@@ -106,6 +130,135 @@ pub(crate) struct Asker<'a, F> {
     pub(crate) index: u32,
 }
 
+/// A hit of which only the distance and the place are known yet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Pending(u64);
+
+impl Pending {
+    pub(crate) const NONE: Self = Self(u64::MAX);
+
+    #[inline(always)]
+    fn new(value: u32, lane: u32) -> Self {
+        Self(u64::from(value) << 2 | u64::from(lane))
+    }
+}
+
+/// Offers a query the triangles of a leaf of `place`'s BLAS that a ray meets within `span`, which
+/// shrinks with what is taken if the query is ordered; `ray` is in the BLAS' space.
+///
+/// What a query wants is usually the nearest opaque hit or any one. That is found without a branch
+/// that depends on the ray: each costs more than the triangles do. The rest is [`test_each`]'s.
+#[inline(always)]
+pub(crate) fn test_leaf<I: Isa, Q: Query, F: CandidateFilter, C: Count>(
+    isa: I,
+    place: &Place<'_>,
+    ray: &PreparedRay,
+    value: u32,
+    asker: &Asker<'_, F>,
+    span: &mut Span,
+    query: &mut Q,
+    count: &mut C,
+) -> ControlFlow<()> {
+    // SAFETY: values of a BLAS' leaves come from `TriangleLeaves::place`: a block is there.
+    let block: &Triangles4 = unsafe { place.blas.tree.block(value) };
+    count.leaf(block);
+    if !Q::ONE {
+        return test_each(isa, place, ray, block, asker, span, query);
+    }
+    let nearest = isa.nearest4(block, &ray.shear, span.t_min, span.t_max, place.keep);
+    let mut plain = !nearest.doubtful & (nearest.t != span.t_max);
+    // Distances that the ray's units cannot express exactly.
+    plain &= nearest.t.abs() >= ray.smallest();
+    if F::ACTIVE {
+        plain &= nearest.mask & place.translucent(block) == 0;
+    }
+    if !plain {
+        query.settle(isa, place, ray, span);
+        return test_each(isa, place, ray, block, asker, span, query);
+    }
+    let hit = nearest.mask != 0;
+    if Q::ORDERED {
+        span.t_max = if hit { without_sign_of_zero(nearest.t) } else { span.t_max };
+    }
+    query.put_off(hit, Pending::new(value, nearest.lane))
+}
+
+/// Makes −0 a 0, whose bits sort like its value.
+#[inline(always)]
+fn without_sign_of_zero(t: f32) -> f32 {
+    t + 0.0
+}
+
+/// The candidate that is pending in `place`; `t` is its internal distance.
+#[inline(always)]
+pub(crate) fn settle_candidate<I: Isa>(
+    isa: I,
+    place: &Place<'_>,
+    ray: &PreparedRay,
+    pending: Pending,
+    t: f32,
+) -> Candidate {
+    let (value, lane) = ((pending.0 >> 2) as u32, pending.0 as usize % 4);
+    // SAFETY: the value is one that `test_leaf` had.
+    let block: &Triangles4 = unsafe { place.blas.tree.block(value) };
+    let mut hits = TriangleHits::NONE;
+    isa.triangles4(block, &ray.shear, t, t, &mut hits);
+    Candidate {
+        t: ray.external(t),
+        u: hits.u[lane],
+        v: hits.v[lane],
+        triangle: TriangleId::of_lane(block, lane).triangle(),
+        front: place.front(hits.front) >> lane & 1 != 0,
+    }
+}
+
+/// Offers a query one by one the triangles of a block that a ray meets.
+#[inline(always)]
+fn test_each<I: Isa, Q: Query, F: CandidateFilter>(
+    isa: I,
+    place: &Place<'_>,
+    ray: &PreparedRay,
+    block: &Triangles4,
+    asker: &Asker<'_, F>,
+    span: &mut Span,
+    query: &mut Q,
+) -> ControlFlow<()> {
+    let mut hits = TriangleHits::NONE;
+    let mut mask = isa.triangles4(block, &ray.shear, span.t_min, span.t_max, &mut hits);
+    if mask == 0 {
+        return ControlFlow::Continue(());
+    }
+    mask &= (hits.front & place.keep[0]) | (!hits.front & place.keep[1]);
+    let front = place.front(hits.front);
+    while mask != 0 {
+        let lane = mask.trailing_zeros() as usize % 4;
+        mask &= mask - 1;
+        let id = TriangleId::of_lane(block, lane);
+        let t = without_sign_of_zero(hits.t[lane]);
+        let candidate = Candidate {
+            t: ray.external(t),
+            u: hits.u[lane],
+            v: hits.v[lane],
+            triangle: id.triangle(),
+            front: front >> lane & 1 != 0,
+        };
+        // Conversion is exact but for subnormal distances.
+        let inside = asker.ray.t_min <= candidate.t && candidate.t <= query.t_max();
+        if inside
+            && query.wants(&candidate, place)
+            && (!F::ACTIVE
+                || place.is_opaque(id)
+                || asker.filter.accept(asker.index, asker.ray, &place.hit(&candidate)))
+        {
+            query.take(&candidate, place)?;
+            if Q::ORDERED {
+                span.t_max = t;
+            }
+        }
+    }
+    ControlFlow::Continue(())
+}
+
 /// Asks a query of one BLAS; `ray` is in its space.
 #[inline(always)]
 pub(crate) fn trace_blas<I: Isa, Q: Query, F: CandidateFilter, C: Count>(
@@ -118,48 +271,29 @@ pub(crate) fn trace_blas<I: Isa, Q: Query, F: CandidateFilter, C: Count>(
     count: &mut C,
 ) -> ControlFlow<()> {
     let mut span = ray.span(asker.ray.t_min, query.t_max());
-    let mut hits = TriangleHits::NONE;
     let tree = &place.blas.tree;
-    let leaf = |value: u32, span: &mut Span, count: &mut C| {
-        // SAFETY: values of a BLAS' leaves come from `TriangleLeaves::place`: a block is there.
-        let block: &Triangles4 = unsafe { tree.block(value) };
-        count.leaf(TriangleId::used_lanes(block));
-        let mut mask = isa.triangles4(block, &ray.shear, span.t_min, span.t_max, &mut hits);
-        if mask == 0 {
-            return ControlFlow::Continue(());
-        }
-        let front = place.front(hits.front);
-        mask &= (front & place.keep[0]) | (!front & place.keep[1]);
-        while mask != 0 {
-            let lane = mask.trailing_zeros() as usize % 4;
-            mask &= mask - 1;
-            let id = TriangleId::of_lane(block, lane);
-            let candidate = Candidate {
-                t: ray.external(hits.t[lane]),
-                u: hits.u[lane],
-                v: hits.v[lane],
-                triangle: id.triangle(),
-                front: front >> lane & 1 != 0,
-            };
-            // Conversion is exact but for subnormal distances.
-            let inside = asker.ray.t_min <= candidate.t && candidate.t <= query.t_max();
-            if inside
-                && query.wants(&candidate, place)
-                && (!F::ACTIVE
-                    || place.is_opaque(id)
-                    || asker.filter.accept(asker.index, asker.ray, &place.hit(&candidate)))
-            {
-                query.take(&candidate, place)?;
-                if Q::ORDERED {
-                    span.t_max = hits.t[lane];
-                }
-            }
-        }
-        ControlFlow::Continue(())
-    };
-    if Q::ORDERED {
-        walk::<I, C, true>(isa, tree, &ray.slab, &mut span, stack, count, leaf)
+    let mut leaves = Blocks { isa, place, ray, asker, query };
+    let flow = if Q::ORDERED {
+        walk::<I, C, true>(isa, tree, &ray.slab, &mut span, stack, count, &mut leaves)
     } else {
-        walk::<I, C, false>(isa, tree, &ray.slab, &mut span, stack, count, leaf)
+        walk::<I, C, false>(isa, tree, &ray.slab, &mut span, stack, count, &mut leaves)
+    };
+    query.settle(isa, place, ray, &span);
+    flow
+}
+
+/// The leaves of a BLAS.
+struct Blocks<'a, 'b, I, F, Q> {
+    isa: I,
+    place: &'a Place<'b>,
+    ray: &'a PreparedRay,
+    asker: &'a Asker<'b, F>,
+    query: &'a mut Q,
+}
+
+impl<I: Isa, F: CandidateFilter, Q: Query, C: Count> Leaves<C> for Blocks<'_, '_, I, F, Q> {
+    #[inline(always)]
+    fn visit(&mut self, value: u32, span: &mut Span, count: &mut C) -> ControlFlow<()> {
+        test_leaf(self.isa, self.place, self.ray, value, self.asker, span, self.query, count)
     }
 }

@@ -45,6 +45,12 @@ impl Stack {
     }
 }
 
+/// What is done with the leaves that are visited. Not a closure: those are not inlined for sure, and
+/// outside of a kernel's region there are only baseline instructions.
+pub(crate) trait Leaves<C> {
+    fn visit(&mut self, value: u32, span: &mut Span, count: &mut C) -> ControlFlow<()>;
+}
+
 /// Takes the first child out of the mask and asks for its memory.
 #[inline(always)]
 fn take<I: Isa>(isa: I, tree: &Bvh8, node: &Node8, distances: &[f32; 8], mask: &mut u32) -> Entry {
@@ -59,8 +65,8 @@ fn take<I: Isa>(isa: I, tree: &Bvh8, node: &Node8, distances: &[f32; 8], mask: &
     Entry { distance: distances[slot], child }
 }
 
-/// Visits the leaves whose boxes a ray may meet within `span`, which `leaf` may shorten; nearest
-/// first if `ORDERED`. Stops when `leaf` breaks.
+/// Visits the leaves whose boxes a ray may meet within `span`, which `leaves` may shorten;
+/// nearest first if `ORDERED`. Stops when they break.
 #[inline(always)]
 pub(crate) fn walk<I: Isa, C: Count, const ORDERED: bool>(
     isa: I,
@@ -69,14 +75,14 @@ pub(crate) fn walk<I: Isa, C: Count, const ORDERED: bool>(
     span: &mut Span,
     stack: &mut Stack,
     count: &mut C,
-    mut leaf: impl FnMut(u32, &mut Span, &mut C) -> ControlFlow<()>,
+    leaves: &mut impl Leaves<C>,
 ) -> ControlFlow<()> {
     let mut distances = [0.0; 8];
     let mut current = Reference::ROOT;
     let mut top = 0;
     loop {
         if current.is_leaf() {
-            leaf(current.value(), span, count)?;
+            leaves.visit(current.value(), span, count)?;
         } else {
             count.node();
             let node = tree.node(current);

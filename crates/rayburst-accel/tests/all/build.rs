@@ -9,7 +9,11 @@ use rayburst_math::{Hit, Ray};
 
 use crate::meshes::{Mesh, Random, ray_at, soup, sphere};
 
-const ANY: TraceOptions = TraceOptions { mask: 0xFF, cull: rayburst_accel::Cull::None };
+const ANY: TraceOptions = TraceOptions {
+    mask: 0xFF,
+    cull: rayburst_accel::Cull::None,
+    mode: rayburst_accel::TraceMode::Auto,
+};
 
 fn build(mesh: &Mesh) -> Blas {
     let blas = mesh.blas(IsaLevel::detect());

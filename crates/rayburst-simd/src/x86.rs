@@ -1,0 +1,214 @@
+//! What the x86 instruction sets share.
+//!
+//! The leaf operations are `#[inline(always)]` functions without features of their own: what has
+//! features is inlined at the compiler's discretion, and a call per node would cost more than the
+//! node. Their intrinsics become instructions once they are inlined into the region of a token, and
+//! a token proves that the CPU has what all functions here ask for.
+
+use std::arch::x86_64::*;
+
+use crate::{
+    Boxes8, Nearest, ShearRay, SlabRay, TriangleHits, Triangles4,
+    triangles::{LARGE, SMALL, decide_exactly},
+};
+
+/// The distances between which a ray is in each of eight boxes. The nearer ones are never −0 if
+/// `t_min` is not.
+///
+/// # Safety
+/// The CPU must have AVX2 and FMA.
+#[inline(always)]
+pub(crate) unsafe fn interval8(
+    boxes: &Boxes8,
+    ray: &SlabRay,
+    t_min: f32,
+    t_max: f32,
+) -> (__m256, __m256) {
+    // SAFETY: the caller's promise; what is loaded and stored is said below.
+    unsafe {
+        let (inverse, rows) = (ray.inverse(), ray.near_row());
+        let (near_offset, far_offset) = (ray.near_offset(), ray.far_offset());
+        let plane = |row: usize, axis: usize, offset: f32| {
+            debug_assert!(row + 32 <= size_of::<Boxes8>());
+            // `SlabRay` holds starts of the six rows of `planes`, and flipping
+            // `FAR_ROW` leads from one to the other of an axis; rows are 32 bytes of an array
+            // of alignment 64.
+            let planes = _mm256_load_ps(boxes.planes.as_ptr().byte_add(row).cast());
+            _mm256_fmsub_ps(planes, _mm256_set1_ps(inverse[axis]), _mm256_set1_ps(offset))
+        };
+        let near_x = plane(rows[0], 0, near_offset[0]);
+        let near_y = plane(rows[1], 1, near_offset[1]);
+        let near_z = plane(rows[2], 2, near_offset[2]);
+        let far_x = plane(rows[0] ^ SlabRay::FAR_ROW, 0, far_offset[0]);
+        let far_y = plane(rows[1] ^ SlabRay::FAR_ROW, 1, far_offset[1]);
+        let far_z = plane(rows[2] ^ SlabRay::FAR_ROW, 2, far_offset[2]);
+        // Of two zeros the instruction gives its second operand: `t_min`.
+        let near = _mm256_max_ps(
+            _mm256_max_ps(near_x, near_y),
+            _mm256_max_ps(near_z, _mm256_set1_ps(t_min)),
+        );
+        let far =
+            _mm256_min_ps(_mm256_min_ps(far_x, far_y), _mm256_min_ps(far_z, _mm256_set1_ps(t_max)));
+        (near, far)
+    }
+}
+
+/// The least key of eight.
+///
+/// # Safety
+/// The CPU must have AVX2 and FMA.
+#[inline(always)]
+pub(crate) unsafe fn least8(keys: __m256i) -> u32 {
+    // SAFETY: the caller's promise; what is loaded and stored is said below.
+    unsafe {
+        let halves =
+            _mm_min_epu32(_mm256_castsi256_si128(keys), _mm256_extracti128_si256::<1>(keys));
+        let pairs = _mm_min_epu32(halves, _mm_shuffle_epi32::<0b01_00_11_10>(halves));
+        let least = _mm_min_epu32(pairs, _mm_shuffle_epi32::<0b10_11_00_01>(pairs));
+        _mm_cvtsi128_si32(least) as u32
+    }
+}
+
+/// Edge functions and the scaled distance of each lane.
+///
+/// # Safety
+/// The CPU must have AVX2 and FMA.
+#[inline(always)]
+pub(crate) unsafe fn edges4(block: &Triangles4, ray: &ShearRay) -> [__m128; 4] {
+    // SAFETY: the caller's promise; what is loaded and stored is said below.
+    unsafe {
+        let (origin, rows, shear) = (ray.origin(), ray.rows(), ray.shear());
+        let relative = |corner: usize, k: usize| {
+            debug_assert!(rows[k] + 16 <= 48);
+            // `ShearRay` holds starts of three rows; each row of four lanes starts at a
+            // multiple of 16 bytes of a structure of alignment 32.
+            let row = _mm_load_ps(block.vertices.as_ptr().add(corner).byte_add(rows[k]).cast());
+            _mm_sub_ps(row, _mm_set1_ps(origin[k]))
+        };
+        let sheared = |corner: usize| {
+            let z = relative(corner, 2);
+            let x = _mm_sub_ps(relative(corner, 0), _mm_mul_ps(_mm_set1_ps(shear[0]), z));
+            let y = _mm_sub_ps(relative(corner, 1), _mm_mul_ps(_mm_set1_ps(shear[1]), z));
+            (x, y, _mm_mul_ps(_mm_set1_ps(shear[2]), z))
+        };
+        let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (sheared(0), sheared(1), sheared(2));
+        let u = _mm_sub_ps(_mm_mul_ps(cx, by), _mm_mul_ps(cy, bx));
+        let v = _mm_sub_ps(_mm_mul_ps(ax, cy), _mm_mul_ps(ay, cx));
+        let w = _mm_sub_ps(_mm_mul_ps(bx, ay), _mm_mul_ps(by, ax));
+        let scaled =
+            _mm_add_ps(_mm_add_ps(_mm_mul_ps(u, az), _mm_mul_ps(v, bz)), _mm_mul_ps(w, cz));
+        [u, v, w, scaled]
+    }
+}
+
+/// Of edge functions: determinants, lanes whose signs are mixed, and of the others those that must
+/// be decided exactly.
+///
+/// # Safety
+/// The CPU must have AVX2 and FMA.
+#[inline(always)]
+pub(crate) unsafe fn decide4([u, v, w, _]: [__m128; 4]) -> (__m128, __m128, __m128) {
+    // SAFETY: the caller's promise; what is loaded and stored is said below.
+    unsafe {
+        let zero = _mm_setzero_ps();
+        let least = _mm_min_ps(_mm_min_ps(u, v), w);
+        let greatest = _mm_max_ps(_mm_max_ps(u, v), w);
+        let mixed = _mm_and_ps(_mm_cmplt_ps(least, zero), _mm_cmpgt_ps(greatest, zero));
+        let det = _mm_add_ps(_mm_add_ps(u, v), w);
+        let size = _mm_andnot_ps(_mm_set1_ps(-0.0), det);
+        let delicate = _mm_or_ps(
+            _mm_or_ps(_mm_cmpeq_ps(least, zero), _mm_cmpeq_ps(greatest, zero)),
+            _mm_or_ps(
+                _mm_cmplt_ps(size, _mm_set1_ps(SMALL)),
+                _mm_cmpgt_ps(size, _mm_set1_ps(LARGE)),
+            ),
+        );
+        (det, mixed, _mm_andnot_ps(mixed, delicate))
+    }
+}
+
+/// Lanes within an interval.
+///
+/// # Safety
+/// The CPU must have AVX2 and FMA.
+#[inline(always)]
+pub(crate) unsafe fn within4(t: __m128, t_min: f32, t_max: f32) -> __m128 {
+    // SAFETY: the caller's promise; what is loaded and stored is said below.
+    unsafe { _mm_and_ps(_mm_cmpge_ps(t, _mm_set1_ps(t_min)), _mm_cmple_ps(t, _mm_set1_ps(t_max))) }
+}
+
+/// [`crate::Isa::triangles4`].
+///
+/// # Safety
+/// The CPU must have AVX2 and FMA.
+#[inline(always)]
+pub(crate) unsafe fn triangles4(
+    block: &Triangles4,
+    ray: &ShearRay,
+    t_min: f32,
+    t_max: f32,
+    hits: &mut TriangleHits,
+) -> u32 {
+    // SAFETY: the caller's promise; what is loaded and stored is said below.
+    unsafe {
+        let edges = edges4(block, ray);
+        let (det, mixed, exact) = decide4(edges);
+        let [_, v, w, scaled] = edges;
+        let t = _mm_div_ps(scaled, det);
+        let inside = within4(t, t_min, t_max);
+        let mask = _mm_movemask_ps(_mm_andnot_ps(mixed, inside)) as u32;
+        let mut exact = _mm_movemask_ps(exact) as u32;
+        if mask | exact == 0 {
+            return 0;
+        }
+        // The arrays have room for four lanes each; the stores need no alignment.
+        _mm_storeu_ps(hits.t.as_mut_ptr(), t);
+        _mm_storeu_ps(hits.u.as_mut_ptr(), _mm_div_ps(v, det));
+        _mm_storeu_ps(hits.v.as_mut_ptr(), _mm_div_ps(w, det));
+        hits.mask = mask;
+        hits.front = _mm_movemask_ps(_mm_cmpgt_ps(det, _mm_setzero_ps())) as u32;
+        while exact != 0 {
+            let lane = exact.trailing_zeros() as usize;
+            decide_exactly(block, ray, lane, t_min, t_max, hits);
+            exact &= exact - 1;
+        }
+        hits.mask
+    }
+}
+
+/// [`crate::Isa::nearest4`].
+///
+/// # Safety
+/// The CPU must have AVX2 and FMA.
+#[inline(always)]
+pub(crate) unsafe fn nearest4(
+    block: &Triangles4,
+    ray: &ShearRay,
+    t_min: f32,
+    t_max: f32,
+    keep: [u32; 2],
+) -> Nearest {
+    // SAFETY: the caller's promise; what is loaded and stored is said below.
+    unsafe {
+        let edges = edges4(block, ray);
+        let (det, mixed, exact) = decide4(edges);
+        let t = _mm_div_ps(edges[3], det);
+        let lanes = |keep: u32| _mm_castsi128_ps(_mm_set1_epi32(keep as i32));
+        let counter_clockwise = _mm_cmpgt_ps(det, _mm_setzero_ps());
+        let kept = _mm_blendv_ps(lanes(keep[1]), lanes(keep[0]), counter_clockwise);
+        let met = _mm_andnot_ps(mixed, _mm_and_ps(within4(t, t_min, t_max), kept));
+        let distances = _mm_blendv_ps(_mm_set1_ps(f32::INFINITY), t, met);
+        let pairs = _mm_min_ps(distances, _mm_shuffle_ps::<0b10_11_00_01>(distances, distances));
+        let least = _mm_min_ps(pairs, _mm_shuffle_ps::<0b01_00_11_10>(pairs, pairs));
+        let mask = _mm_movemask_ps(met) as u32;
+        let nearest = _mm_movemask_ps(_mm_cmpeq_ps(distances, least)) as u32 & mask;
+        let exact = _mm_movemask_ps(exact) as u32;
+        Nearest {
+            t: _mm_cvtss_f32(least),
+            // Four if there is none.
+            lane: (nearest | 1 << 4).trailing_zeros() & 3,
+            mask,
+            doubtful: exact | (nearest & nearest.wrapping_sub(1)) != 0,
+        }
+    }
+}
