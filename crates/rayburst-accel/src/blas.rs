@@ -11,6 +11,7 @@ use crate::{
     TraceOptions, TriangleMesh, ValidationReport,
     build::{
         binned_sah::BinnedSah,
+        monitor::Monitor,
         primitives::{self, MAX_PRIMITIVES},
     },
     layout::{
@@ -55,7 +56,8 @@ impl Blas {
             BuildQuality::Fast => 8,
             BuildQuality::Balanced => 32,
         };
-        let binary = BinnedSah { bins, leaf_size: BLOCK }.build(refs);
+        let binary =
+            BinnedSah { bins, leaf_size: BLOCK, monitor: Monitor::default() }.build(refs)?;
         let tree = Bvh8::collapse(&binary, &leaves)?;
         let stats = BuildStats {
             primitives,

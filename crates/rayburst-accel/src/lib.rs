@@ -17,6 +17,7 @@
 
 mod blas;
 mod build;
+mod control;
 mod error;
 mod geometry;
 mod layout;
@@ -28,6 +29,7 @@ mod traverse;
 mod validate;
 
 pub use blas::Blas;
+pub use control::BuildControl;
 pub use error::BuildError;
 pub use geometry::{Instance, InstanceFlags, MAX_COORDINATE, TriangleMesh};
 pub use options::{BuildOptions, BuildQuality, BuildStats};

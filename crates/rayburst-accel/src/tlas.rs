@@ -19,6 +19,7 @@ use crate::{
     InstanceFlags, TraceOptions, ValidationReport,
     build::{
         binned_sah::BinnedSah,
+        monitor::Monitor,
         primitives::{MAX_PRIMITIVES, PrimitiveRef, is_traceable},
     },
     layout::bvh8::{Bvh8, Leaves},
@@ -105,7 +106,8 @@ impl Tlas {
 
         let primitives = refs.len();
         let sole = refs.first().filter(|_| primitives == 1).map(PrimitiveRef::index);
-        let binary = BinnedSah { bins: 16, leaf_size: 1 }.build(refs);
+        let binary =
+            BinnedSah { bins: 16, leaf_size: 1, monitor: Monitor::default() }.build(refs)?;
         let tree = Bvh8::collapse(&binary, &InstanceLeaves)?;
         let bounds = tree.bounds;
         let corner = if bounds.is_empty() {

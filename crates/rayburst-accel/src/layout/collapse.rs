@@ -11,7 +11,8 @@
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use super::bvh2::Bvh2;
+use super::{arena::zeroed_vec, bvh2::Bvh2};
+use crate::BuildError;
 
 /// Children of a wide node.
 const WIDTH: usize = 8;
@@ -44,11 +45,11 @@ impl Children {
 
 impl<'a> Collapse<'a> {
     /// Solves a tree that is not empty.
-    pub(crate) fn new(tree: &'a Bvh2) -> Self {
-        let choices = tree.nodes.iter().map(|_| AtomicU32::new(0)).collect();
+    pub(crate) fn new(tree: &'a Bvh2) -> Result<Self, BuildError> {
+        let choices = zeroed_vec(tree.nodes.len(), "the choice of wide nodes")?;
         let collapse = Self { tree, choices };
         collapse.solve(0, 0);
-        collapse
+        Ok(collapse)
     }
 
     /// The children of the wide node that stands for a binary one.
