@@ -7,12 +7,13 @@ use rayburst_math::{Aabb, Hit, Ray};
 use rayburst_simd::{Isa, IsaLevel, Triangles4};
 
 use crate::{
-    BuildError, BuildOptions, BuildQuality, BuildStats, BvhDefect, CandidateFilter, InstanceFlags,
+    BuildError, BuildOptions, BuildQuality, BuildStats, Builder, BvhDefect, CandidateFilter, InstanceFlags,
     TraceOptions, TriangleMesh, ValidationReport,
     build::{
         binned_sah::BinnedSah,
         monitor::Monitor,
         primitives::{self, MAX_PRIMITIVES},
+        sbvh::Sbvh,
     },
     layout::{
         bvh8::Bvh8,
@@ -44,24 +45,40 @@ impl Blas {
     /// Builds over triangle meshes; their order gives the geometry indices of hits.
     pub fn build(
         geometries: &[TriangleMesh<'_>],
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
     ) -> Result<Self, BuildError> {
         let begin = Instant::now();
         let isa = options.resolve_isa()?;
         let starts = number_triangles(geometries)?;
         let leaves = TriangleLeaves { geometries, starts: &starts[..geometries.len()] };
+        let monitor = Monitor::new(options.control);
+        monitor.check()?;
         let (refs, inactive) = primitives::of_triangles(geometries, leaves.starts)?;
         let primitives = refs.len();
+        monitor.begin(primitives);
         let bins = match options.quality {
             BuildQuality::Fast => 8,
-            BuildQuality::Balanced => 32,
+            BuildQuality::Balanced | BuildQuality::Best => 32,
         };
-        let binary =
-            BinnedSah { bins, leaf_size: BLOCK, monitor: Monitor::default() }.build(refs)?;
+        let leaf_size = BLOCK;
+        let (binary, references) = match options.resolve_builder() {
+            Builder::BinnedSah => {
+                (BinnedSah { bins, leaf_size, monitor }.build(refs)?, primitives)
+            }
+            Builder::SpatialSplits => {
+                let budget = options.resolve_budget();
+                Sbvh { bins, leaf_size, budget, shapes: &leaves, monitor }.build(refs)?
+            }
+        };
+        // A cancelled tree has leaves of any size.
+        monitor.check()?;
         let tree = Bvh8::collapse(&binary, &leaves)?;
+        monitor.check()?;
+        monitor.finish();
         let stats = BuildStats {
             primitives,
             inactive,
+            references,
             nodes: tree.shape.nodes,
             leaves: tree.shape.leaves,
             depth: tree.shape.depth,
@@ -134,6 +151,11 @@ impl Blas {
                     .collect()
             },
         )
+    }
+
+    /// Whether a triangle may be in several leaves.
+    pub(crate) fn has_duplicates(&self) -> bool {
+        self.stats.references > self.stats.primitives
     }
 
     /// The geometry and primitive of a triangle numbered through all geometries.

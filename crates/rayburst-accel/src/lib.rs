@@ -32,7 +32,7 @@ pub use blas::Blas;
 pub use control::BuildControl;
 pub use error::BuildError;
 pub use geometry::{Instance, InstanceFlags, MAX_COORDINATE, TriangleMesh};
-pub use options::{BuildOptions, BuildQuality, BuildStats};
+pub use options::{BuildOptions, BuildQuality, BuildStats, Builder};
 pub use query::{AcceptAll, AllHits, CandidateFilter, Counters, Cull, FilterFn, TraceOptions};
 pub use rayburst_simd::IsaLevel;
 pub use tlas::Tlas;

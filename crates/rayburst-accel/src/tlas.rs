@@ -75,7 +75,7 @@ impl Tlas {
     pub fn build(
         blases: Vec<Arc<Blas>>,
         instances: &[Instance],
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
     ) -> Result<Self, BuildError> {
         let begin = Instant::now();
         let isa = options.resolve_isa()?;
@@ -129,6 +129,7 @@ impl Tlas {
         let stats = BuildStats {
             primitives,
             inactive: instances.len() - primitives,
+            references: primitives,
             nodes: tree.shape.nodes,
             leaves: tree.shape.leaves,
             depth: tree.shape.depth,

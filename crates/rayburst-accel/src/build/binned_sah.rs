@@ -17,12 +17,12 @@
 use rayon::prelude::*;
 
 use super::{
-    bins::{Binning, Bins, Blocks},
+    bins::Blocks,
     bounds::Extent,
     monitor::Monitor,
-    partition::{CHUNK, partition},
+    object::Kit,
+    partition::CHUNK,
     primitives::PrimitiveRef,
-    small::{self, SMALL},
 };
 use crate::{
     BuildError,
@@ -78,7 +78,7 @@ pub(super) fn levels(primitives: usize, leaf_size: usize) -> usize {
 struct Task<'a> {
     slots: Slots<'a>,
     used: usize,
-    bins: [Bins; 2],
+    kit: Kit,
 }
 
 impl BinnedSah<'_> {
@@ -106,15 +106,15 @@ impl BinnedSah<'_> {
         depth: usize,
         slots: Slots<'_>,
     ) -> Node2 {
-        if refs.len() < TASK || self.monitor.is_cancelled() {
-            if self.monitor.is_cancelled() {
-                return Node2::leaf(extent.bounds.aabb(), first, refs.len());
-            }
+        if self.monitor.is_cancelled() {
+            return Node2::leaf(extent.bounds.aabb(), first, refs.len());
+        }
+        if refs.len() < TASK {
             self.monitor.advance(refs.len());
-            let mut task = Task { slots, used: 0, bins: [Bins::EMPTY; 2] };
+            let mut task = Task { slots, used: 0, kit: Kit::EMPTY };
             return self.grow(refs, first, extent, depth, &mut task);
         }
-        let middle = self.divide(refs, extent, depth, &mut Box::new([Bins::EMPTY; 2]));
+        let middle = self.divide(refs, extent, depth, &mut Box::new(Kit::EMPTY));
         let (left_refs, right_refs) = refs.split_at_mut(middle);
         let (pair, [left, right]) = slots.divide(nodes_below(middle));
         let child = left.base - 2;
@@ -141,12 +141,7 @@ impl BinnedSah<'_> {
         if refs.len() <= self.leaf_size {
             return Node2::leaf(bounds, first, refs.len());
         }
-        let middle = if refs.len() <= SMALL {
-            let halve = !self.may_be_uneven(refs.len(), depth);
-            small::split(refs, &extent.bounds, Blocks::new(self.leaf_size), halve)
-        } else {
-            self.divide(refs, extent, depth, &mut task.bins)
-        };
+        let middle = self.divide(refs, extent, depth, &mut task.kit);
         let pair = task.used;
         task.used += 2;
         let (left, right) = refs.split_at_mut(middle);
@@ -157,11 +152,6 @@ impl BinnedSah<'_> {
         Node2::inner(bounds, task.slots.base + pair as u32)
     }
 
-    /// Whether any split leaves room for medians all the way down.
-    fn may_be_uneven(&self, primitives: usize, depth: usize) -> bool {
-        depth + levels(primitives, self.leaf_size) < MAX_DEPTH
-    }
-
     /// Reorders a node's primitives so that those of its first child come first; returns how many
     /// these are.
     fn divide(
@@ -169,41 +159,16 @@ impl BinnedSah<'_> {
         refs: &mut [PrimitiveRef],
         extent: &Extent,
         depth: usize,
-        bins: &mut [Bins; 2],
+        kit: &mut Kit,
     ) -> usize {
-        if self.may_be_uneven(refs.len(), depth) {
-            let count = (4 + refs.len() / 4).min(self.bins);
-            let binning = Binning::new(&extent.centroids, count);
-            fill(bins, refs, &binning, count);
-            if let Some(split) = bins[0].cheapest_split(count, Blocks::new(self.leaf_size)) {
-                let left = binning.left_of(split);
-                return partition(refs, |reference| left.holds(reference));
+        // An uneven split must leave room for medians all the way down.
+        if depth + levels(refs.len(), self.leaf_size) < MAX_DEPTH {
+            let blocks = Blocks::new(self.leaf_size);
+            if let Some(split) = kit.find(refs, extent, self.bins, blocks) {
+                return split.apply(refs);
             }
         }
         halve(refs, extent)
-    }
-}
-
-/// Bins primitives, in parallel if they are many.
-pub(super) fn fill(bins: &mut [Bins; 2], refs: &[PrimitiveRef], binning: &Binning, count: usize) {
-    let [own, spare] = bins;
-    if refs.len() <= CHUNK {
-        return own.fill(spare, refs, binning, count);
-    }
-    let filled = refs
-        .par_chunks(CHUNK)
-        .map(|chunk| {
-            let mut bins = Box::new([Bins::EMPTY; 2]);
-            let [own, spare] = &mut *bins;
-            own.fill(spare, chunk, binning, count);
-            bins
-        })
-        .reduce_with(|mut a, b| {
-            a[0].merge(&b[0], count);
-            a
-        });
-    if let Some(filled) = filled {
-        *bins = *filled;
     }
 }
 

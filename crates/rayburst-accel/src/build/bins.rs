@@ -21,10 +21,11 @@ pub(super) struct Binning {
 }
 
 /// Adding 1.5 · 2²³ leaves a small number, rounded, in the low bits of the mantissa.
-const ROUND: f32 = (3 << 22) as f32;
+pub(super) const ROUND: f32 = (3 << 22) as f32;
 
+/// The bin whose number, rounded, is in the low bits.
 #[inline(always)]
-fn bin_of(rounded: f32) -> usize {
+pub(super) fn bin_of(rounded: f32) -> usize {
     rounded.to_bits() as usize % MAX_BINS
 }
 
@@ -145,19 +146,23 @@ impl Bins {
         }
     }
 
-    /// The plane of least cost, if any plane has primitives on both sides.
-    pub(super) fn cheapest_split(&self, bins: usize, blocks: Blocks) -> Option<Split> {
+    /// The plane of least cost, if any plane has primitives on both sides; `area` is the node's.
+    pub(super) fn cheapest_split(&self, bins: usize, blocks: Blocks, area: f32) -> Option<Split> {
+        let overhead = BLOCK_OVERHEAD * area;
         let mut right_costs = [Vec4::ZERO; MAX_BINS];
         let (mut right, mut count) = ([Bounds4::EMPTY; 3], Vec4::ZERO);
         for bin in (1..bins).rev() {
             self.sweep(bin, &mut right, &mut count);
-            right_costs[bin - 1] = half_areas(&right) * blocks.lanes(count);
+            right_costs[bin - 1] = (half_areas(&right) + overhead) * blocks.lanes(count);
         }
         let mut best = Best::NONE;
         let (mut left, mut count) = ([Bounds4::EMPTY; 3], Vec4::ZERO);
         for bin in 0..bins - 1 {
             self.sweep(bin, &mut left, &mut count);
-            best.offer(half_areas(&left) * blocks.lanes(count) + right_costs[bin], bin);
+            best.offer(
+                (half_areas(&left) + overhead) * blocks.lanes(count) + right_costs[bin],
+                bin,
+            );
         }
         best.least().map(|(cost, axis, bin)| Split { axis, bin, cost })
     }
@@ -178,6 +183,10 @@ impl Bins {
         })
     }
 }
+
+/// What a leaf costs beyond its area, as a part of its parent's area: leaves take memory, and a split
+/// that needs one more must be worth it. Among many leaves one more makes no difference.
+pub(super) const BLOCK_OVERHEAD: f32 = 0.6;
 
 /// How many leaves some primitives need.
 #[derive(Clone, Copy, Debug)]

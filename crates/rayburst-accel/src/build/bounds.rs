@@ -43,6 +43,11 @@ impl Bounds4 {
         Self { lower: self.lower.max(other.lower), upper: self.upper.min(other.upper) }
     }
 
+    #[inline(always)]
+    pub(super) fn is_empty(&self) -> bool {
+        !self.lower.cmple(self.upper).bitmask() & 7 != 0
+    }
+
     /// Products of edge lengths, whose first three lanes add up to half the area.
     #[inline(always)]
     fn edge_products(&self) -> Vec4 {

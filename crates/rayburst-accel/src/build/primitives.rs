@@ -6,6 +6,7 @@ use glam::{Vec3, Vec4};
 use rayburst_math::Aabb;
 use rayon::prelude::*;
 
+use super::bounds::Bounds4;
 use crate::{BuildError, TriangleMesh, geometry::MAX_COORDINATE, layout::arena::advise_huge_pages};
 
 /// Structures hold at most this many primitives.
@@ -40,6 +41,20 @@ impl PrimitiveRef {
     #[inline(always)]
     pub(crate) fn index(&self) -> u32 {
         self.lower.w.to_bits() - Self::INDEX_BIAS
+    }
+
+    /// The primitive's index; any index for [`Self::NONE`].
+    pub(super) fn index_or_any(&self) -> u32 {
+        self.lower.w.to_bits().saturating_sub(Self::INDEX_BIAS)
+    }
+
+    /// The same primitive in another box.
+    #[inline(always)]
+    pub(super) fn with_bounds(&self, bounds: &Bounds4) -> Self {
+        let (mut lower, mut upper) = (bounds.lower, bounds.upper);
+        lower.w = self.lower.w;
+        upper.w = 0.0;
+        Self { lower, upper }
     }
 
     /// Smallest coordinates; w is meaningless.

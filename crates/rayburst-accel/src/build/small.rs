@@ -8,7 +8,7 @@
 use glam::Vec4;
 
 use super::{
-    bins::{Best, Blocks},
+    bins::{BLOCK_OVERHEAD, Best, Blocks},
     bounds::{Bounds4, half_areas},
     primitives::PrimitiveRef,
 };
@@ -19,18 +19,19 @@ pub(super) const SMALL: usize = 8;
 /// The order of a small node's primitives along an axis.
 type Order = [u8; SMALL];
 
-/// Puts the primitives of a node, at most [`SMALL`], in an order whose first ones go left; returns
-/// how many these are. `halve` allows only the split in the middle.
-pub(super) fn split(
-    refs: &mut [PrimitiveRef],
-    bounds: &Bounds4,
-    blocks: Blocks,
-    halve: bool,
-) -> usize {
+/// A plane between two primitives of a small node.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SmallSplit {
+    order: Order,
+    middle: usize,
+    pub(super) cost: f32,
+}
+
+/// The best split of a node of two to [`SMALL`] primitives, whose half area is given.
+pub(super) fn find(refs: &[PrimitiveRef], area: f32, blocks: Blocks) -> SmallSplit {
     let count = refs.len();
     let orders = sort(refs);
-    // A block more takes memory: it must save this much of the node's area.
-    let overhead = BLOCK_OVERHEAD * bounds.half_area();
+    let overhead = BLOCK_OVERHEAD * area;
     let areas = |boxes: &[Bounds4; 3]| half_areas(boxes) + overhead;
     let block_count = |count: usize| blocks.lanes(Vec4::splat(count as f32));
     let mut right_costs = [Vec4::ZERO; SMALL];
@@ -43,22 +44,34 @@ pub(super) fn split(
     let mut left = [Bounds4::EMPTY; 3];
     for place in 0..count - 1 {
         add(refs, &orders, place, &mut left);
-        if !halve || place + 1 == count / 2 {
-            best.offer(areas(&left) * block_count(place + 1) + right_costs[place], place);
-        }
+        best.offer(areas(&left) * block_count(place + 1) + right_costs[place], place);
     }
     // No cost is finite when areas overflow.
-    let (_, axis, place) = best.least().unwrap_or((0.0, 0, count / 2 - 1));
-    let mut sorted = [PrimitiveRef::NONE; SMALL];
-    for (slot, &from) in sorted[..count].iter_mut().zip(&orders[axis]) {
-        *slot = refs[usize::from(from)];
-    }
-    refs.copy_from_slice(&sorted[..count]);
-    place + 1
+    let (cost, axis, place) = best.least().unwrap_or((f32::INFINITY, 0, count / 2 - 1));
+    SmallSplit { order: orders[axis], middle: place + 1, cost }
 }
 
-/// What a block costs beyond its area, as a part of its parent's.
-const BLOCK_OVERHEAD: f32 = 0.1;
+impl SmallSplit {
+    /// Reorders the primitives so that the first ones go left; returns how many these are.
+    pub(super) fn apply(&self, refs: &mut [PrimitiveRef]) -> usize {
+        let mut sorted = [PrimitiveRef::NONE; SMALL];
+        for (slot, &from) in sorted.iter_mut().zip(&self.order[..refs.len()]) {
+            *slot = refs[usize::from(from)];
+        }
+        refs.copy_from_slice(&sorted[..refs.len()]);
+        self.middle
+    }
+
+    /// The boxes of both sides.
+    pub(super) fn sides(&self, refs: &[PrimitiveRef]) -> [Bounds4; 2] {
+        let (left, right) = self.order[..refs.len()].split_at(self.middle);
+        let union = |side: &[u8]| {
+            let bounds = side.iter().map(|&i| Bounds4::of(&refs[usize::from(i)]));
+            bounds.fold(Bounds4::EMPTY, |sum, b| sum.union(&b))
+        };
+        [union(left), union(right)]
+    }
+}
 
 #[inline(always)]
 fn add(refs: &[PrimitiveRef], orders: &[Order; 3], place: usize, sum: &mut [Bounds4; 3]) {

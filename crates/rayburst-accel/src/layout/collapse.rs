@@ -7,7 +7,7 @@
 //! children.
 //!
 //! Changed: leaves are those of the binary tree, whose cost is the same in every wide tree and left
-//! out. Time and memory are linear; four bytes a binary node stay.
+//! out; a node costs a little beyond its area, so that no node is spent on next to nothing. Time and memory are linear; four bytes a binary node stay.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -16,6 +16,9 @@ use crate::BuildError;
 
 /// Children of a wide node.
 const WIDTH: usize = 8;
+/// What a wide node costs beyond its area, for the memory it takes, in parts of the root's area a
+/// primitive.
+const NODE_OVERHEAD: f32 = 0.3;
 /// Subtrees below this level are solved by one task each.
 const PARALLEL_LEVELS: usize = 12;
 
@@ -28,6 +31,8 @@ pub(crate) struct Collapse<'a> {
     /// For each node, three bits for each number of places from two: how many go to the first child;
     /// zero if the node takes one place.
     choices: Vec<AtomicU32>,
+    /// What a node costs beyond its area.
+    overhead: f32,
 }
 
 /// Up to eight binary nodes that become the children of a wide one.
@@ -47,7 +52,8 @@ impl<'a> Collapse<'a> {
     /// Solves a tree that is not empty.
     pub(crate) fn new(tree: &'a Bvh2) -> Result<Self, BuildError> {
         let choices = zeroed_vec(tree.nodes.len(), "the choice of wide nodes")?;
-        let collapse = Self { tree, choices };
+        let overhead = NODE_OVERHEAD * tree.nodes[0].bounds.half_area() / tree.order.len() as f32;
+        let collapse = Self { tree, choices, overhead };
         collapse.solve(0, 0);
         Ok(collapse)
     }
@@ -101,7 +107,7 @@ impl<'a> Collapse<'a> {
         };
         // A wide node of its own, which divides all its places.
         let (below, choice) = divide(WIDTH);
-        let whole = node.bounds.half_area() + below;
+        let whole = node.bounds.half_area() + below + self.overhead;
         let mut choices = choice << (3 * (WIDTH - 2));
         let mut costs = [whole; WIDTH - 1];
         for places in 2..WIDTH {
