@@ -17,11 +17,7 @@
 use rayon::prelude::*;
 
 use super::{
-    bins::Blocks,
-    bounds::Extent,
-    monitor::Monitor,
-    object::Kit,
-    partition::CHUNK,
+    bins::Blocks, bounds::Extent, monitor::Monitor, object::Kit, partition::CHUNK,
     primitives::PrimitiveRef,
 };
 use crate::{
@@ -32,6 +28,8 @@ use crate::{
 /// No leaf is further from the root than this.
 pub(crate) const MAX_DEPTH: usize = 64;
 
+/// What a leaf costs beyond its area, see [`Blocks::overhead`].
+const BLOCK_OVERHEAD: f32 = 0.6;
 /// Subtrees of fewer primitives are built by one task.
 pub(super) const TASK: usize = 4096;
 
@@ -163,7 +161,7 @@ impl BinnedSah<'_> {
     ) -> usize {
         // An uneven split must leave room for medians all the way down.
         if depth + levels(refs.len(), self.leaf_size) < MAX_DEPTH {
-            let blocks = Blocks::new(self.leaf_size);
+            let blocks = Blocks::new(self.leaf_size, BLOCK_OVERHEAD);
             if let Some(split) = kit.find(refs, extent, self.bins, blocks) {
                 return split.apply(refs);
             }
@@ -190,4 +188,41 @@ pub(super) fn halve(refs: &mut [PrimitiveRef], extent: &Extent) -> usize {
         key(a).total_cmp(&key(b)).then(a.index().cmp(&b.index()))
     });
     middle
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use rayburst_math::{Aabb, hash::Rng};
+
+    use super::*;
+
+    #[test]
+    fn memory_is_what_was_said_before() {
+        let mut rng = Rng::new(1);
+        for (count, leaf_size) in [(1, 4), (5, 4), (1000, 1), (1000, 4), (20_000, 4)] {
+            let refs: Vec<_> = (0..count)
+                .map(|i| {
+                    PrimitiveRef::new(&Aabb::of_point(rng.vec3() * Vec3::new(9.0, 1.0, 1.0)), i)
+                })
+                .collect();
+            let builder = BinnedSah { bins: 32, leaf_size, monitor: Monitor::default() };
+            let tree = builder.build(refs).unwrap();
+            assert_eq!(tree.nodes.capacity(), 2 * count as usize - 1);
+            assert_eq!(tree.order.len(), count as usize);
+            let (mut stack, mut reached, mut held) = (vec![0], 0, 0);
+            while let Some(node) = stack.pop() {
+                let node = &tree.nodes[node as usize];
+                reached += 1;
+                held += node.count;
+                assert!(node.count as usize <= leaf_size);
+                if !node.is_leaf() {
+                    stack.extend([node.first, node.first + 1]);
+                }
+            }
+            assert!(held == count && reached <= tree.nodes.len(), "{reached} nodes of {count}");
+            // Leaves of one primitive need every node.
+            assert!(leaf_size > 1 || reached == tree.nodes.len());
+        }
+    }
 }

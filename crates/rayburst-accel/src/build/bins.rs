@@ -148,7 +148,7 @@ impl Bins {
 
     /// The plane of least cost, if any plane has primitives on both sides; `area` is the node's.
     pub(super) fn cheapest_split(&self, bins: usize, blocks: Blocks, area: f32) -> Option<Split> {
-        let overhead = BLOCK_OVERHEAD * area;
+        let overhead = blocks.overhead * area;
         let mut right_costs = [Vec4::ZERO; MAX_BINS];
         let (mut right, mut count) = ([Bounds4::EMPTY; 3], Vec4::ZERO);
         for bin in (1..bins).rev() {
@@ -184,23 +184,22 @@ impl Bins {
     }
 }
 
-/// What a leaf costs beyond its area, as a part of its parent's area: leaves take memory, and a split
-/// that needs one more must be worth it. Among many leaves one more makes no difference.
-pub(super) const BLOCK_OVERHEAD: f32 = 0.6;
-
-/// How many leaves some primitives need.
+/// How many leaves some primitives need, and what they cost.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Blocks {
     scale: f32,
     offset: f32,
+    /// What a leaf costs beyond its area, as a part of its parent's area: a split that needs one leaf
+    /// more, and so more memory, must be worth it. Among many leaves one more makes no difference.
+    pub(super) overhead: f32,
 }
 
 impl Blocks {
     /// Of blocks of some primitives, a power of two.
-    pub(super) fn new(leaf_size: usize) -> Self {
+    pub(super) fn new(leaf_size: usize, overhead: f32) -> Self {
         debug_assert!(leaf_size.is_power_of_two());
         let scale = 1.0 / leaf_size as f32;
-        Self { scale, offset: 0.5 - 0.5 * scale }
+        Self { scale, offset: 0.5 - 0.5 * scale, overhead }
     }
 
     /// `⌈count / size⌉` as the nearest integer to `count / size + (1 − 1 / size) / 2`.

@@ -7,45 +7,62 @@ use super::bounds::Bounds4;
 /// Corners of a triangle; the last lane is meaningless.
 pub(super) type Corners = [Vec4; 3];
 
-/// The boxes around what of a triangle is in a box, on both sides of a plane across an axis. A box is
-/// empty if nothing is on its side.
-///
-/// The boxes may be too large but never too small: together they must hold every point of the triangle
-/// that the given box holds, or rays would pass through the seam. Across the axis both end exactly at
-/// the plane. Where an edge `a b` meets the plane, at `a + t (b − a)`, the rounding of the two
-/// differences and the quotient in `t`, of `b − a`, of the product and of the sum move a coordinate by
-/// at most `11 u` times the greater one of `a` and `b`, with `u = ε / 2`, plus what underflow loses;
-/// such points are widened by `8 ε`.
-#[inline(always)]
-pub(super) fn clip(
-    corners: &Corners,
-    bounds: &Bounds4,
-    axis: usize,
-    plane: f32,
-) -> (Bounds4, Bounds4) {
-    const ERROR: f32 = 8.0 * f32::EPSILON;
-    let (mut left, mut right) = (Bounds4::EMPTY, Bounds4::EMPTY);
-    let mut a = corners[2];
-    for b in *corners {
-        let (from, to) = (a[axis], b[axis]);
-        if to <= plane {
-            left.grow(b, b);
-        }
-        if to >= plane {
-            right.grow(b, b);
-        }
-        if (from < plane) & (plane < to) | (to < plane) & (plane < from) {
-            let t = (plane - from) / (to - from);
-            let point = a + (b - a) * t;
-            let error = a.abs().max(b.abs()) * ERROR + Vec4::splat(f32::MIN_POSITIVE);
-            left.grow(point - error, point + error);
-            right.grow(point - error, point + error);
-        }
-        a = b;
+/// A plane across an axis.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Plane {
+    pub(super) axis: usize,
+    pub(super) position: f32,
+    /// Its position on its axis, and infinity.
+    below: Vec4,
+    /// Its position on its axis, and negative infinity.
+    above: Vec4,
+}
+
+impl Plane {
+    pub(super) fn new(axis: usize, position: f32) -> Self {
+        let (mut below, mut above) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
+        below[axis] = position;
+        above[axis] = position;
+        Self { axis, position, below, above }
     }
-    left.upper[axis] = left.upper[axis].min(plane);
-    right.lower[axis] = right.lower[axis].max(plane);
-    (left.intersection(bounds), right.intersection(bounds))
+
+    /// The boxes around what of a triangle is in a box, on both sides of the plane. A box is empty if
+    /// nothing is on its side.
+    ///
+    /// The boxes may be too large but never too small: together they must hold every point of the
+    /// triangle that the given box holds, or rays would pass through the seam. Across the axis both end
+    /// exactly at the plane. Where an edge `a b` meets the plane, at `a + t (b − a)`, the rounding of
+    /// the two differences and the quotient in `t`, of `b − a`, of the product and of the sum move a
+    /// coordinate by at most `11 u` times the greater one of `a` and `b`, with `u = ε / 2`, plus what
+    /// underflow loses; such points are widened by `8 ε`.
+    #[inline(always)]
+    pub(super) fn clip(&self, corners: &Corners, bounds: &Bounds4) -> (Bounds4, Bounds4) {
+        const ERROR: f32 = 8.0 * f32::EPSILON;
+        let (mut left, mut right) = (Bounds4::EMPTY, Bounds4::EMPTY);
+        let mut a = &corners[2];
+        for b in corners {
+            let (from, to) = (a[self.axis], b[self.axis]);
+            if to <= self.position {
+                left.grow(*b, *b);
+            }
+            if to >= self.position {
+                right.grow(*b, *b);
+            }
+            if (from < self.position) & (self.position < to)
+                | (to < self.position) & (self.position < from)
+            {
+                let t = (self.position - from) / (to - from);
+                let point = *a + (*b - *a) * t;
+                let error = a.abs().max(b.abs()) * ERROR + Vec4::splat(f32::MIN_POSITIVE);
+                left.grow(point - error, point + error);
+                right.grow(point - error, point + error);
+            }
+            a = b;
+        }
+        left.upper = left.upper.min(self.below);
+        right.lower = right.lower.max(self.above);
+        (left.intersection(bounds), right.intersection(bounds))
+    }
 }
 
 #[cfg(test)]
@@ -76,7 +93,7 @@ mod tests {
                     .iter()
                     .flat_map(|b| {
                         if b.lower[axis] < plane && plane < b.upper[axis] {
-                            let (left, right) = clip(&corners, b, axis, plane);
+                            let (left, right) = Plane::new(axis, plane).clip(&corners, b);
                             vec![left, right]
                         } else {
                             vec![*b]

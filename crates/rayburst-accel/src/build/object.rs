@@ -31,6 +31,14 @@ impl ObjectSplit {
         }
     }
 
+    /// The axis that its plane is across.
+    pub(super) fn axis(&self) -> usize {
+        match self {
+            Self::Exact(split) => split.axis,
+            Self::Binned(_, _, split) => split.axis,
+        }
+    }
+
     /// Reorders the primitives that it was found for so that the first ones go left; returns how many
     /// these are.
     pub(super) fn apply(&self, refs: &mut [PrimitiveRef]) -> usize {

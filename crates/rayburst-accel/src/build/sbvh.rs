@@ -5,7 +5,8 @@
 //! that split the primitives themselves are tried too ([`super::spatial`]), and the cheaper split is
 //! taken. A primitive may then be in several leaves.
 //!
-//! Changed: the number of references is bounded by a budget. The room that is left for new ones is
+//! Changed: spatial splits are not tried where they hardly gain: in nodes of few references, and where
+//! the overlap is narrow. The number of references is bounded by a budget. The room that is left for new ones is
 //! divided between the children in proportion to what they might need, so the tree does not depend on
 //! the number of threads. Object splits are those of [`super::binned_sah`], whose bound on the depth
 //! holds here too: no child has more references than its parent.
@@ -33,6 +34,15 @@ use crate::{
 
 /// Children that overlap by less than this part of the root's area are not worth a spatial split.
 const LEAST_OVERLAP: f32 = 1e-5;
+/// The same in nodes of few references, where a spatial split takes much time and gains little.
+const LEAST_OVERLAP_OF_FEW: f32 = 1e-3;
+/// Nodes of fewer references have few.
+const FEW: usize = 128;
+/// Nor are those that overlap, along the axis of the split, by less than this part of their parent.
+const LEAST_WIDTH: f32 = 0.1;
+/// The cost of a spatial split that is taken, at most, in units of the object split's. New references
+/// cost more further down than the heuristic knows.
+const MOST_COST: f32 = 0.99;
 
 /// Options of the builder.
 #[derive(Clone, Copy, Debug)]
@@ -53,7 +63,7 @@ pub(crate) struct Sbvh<'a, S> {
 struct Build<'a, S> {
     options: &'a Sbvh<'a, S>,
     blocks: Blocks,
-    least_overlap: f32,
+    root_area: f32,
     duplicates: AtomicUsize,
 }
 
@@ -106,8 +116,8 @@ impl<S: Shapes> Sbvh<'_, S> {
         let extent = extent_of(&refs[..count]);
         let build = Build {
             options: self,
-            blocks: Blocks::new(self.leaf_size),
-            least_overlap: LEAST_OVERLAP * extent.bounds.half_area(),
+            blocks: Blocks::new(self.leaf_size, 0.0),
+            root_area: extent.bounds.half_area(),
             duplicates: AtomicUsize::new(0),
         };
         let mut nodes = Node2::allocate(1 + nodes_below(capacity))?;
@@ -221,9 +231,14 @@ impl<S: Shapes> Build<'_, S> {
     /// Whether the children of an object split overlap so much that a spatial one might be better.
     fn overlaps(&self, object: Option<&ObjectSplit>, kit: &Kit, refs: &[PrimitiveRef]) -> bool {
         let Some(object) = object else { return true };
+        let least = if refs.len() < FEW { LEAST_OVERLAP_OF_FEW } else { LEAST_OVERLAP };
+        let least = least * self.root_area;
         let [left, right] = kit.sides(object, refs);
-        let shared: Bounds4 = left.intersection(&right);
-        !shared.is_empty() && shared.half_area() > self.least_overlap
+        let shared = left.intersection(&right);
+        let width = |b: &Bounds4| b.upper[object.axis()] - b.lower[object.axis()];
+        !shared.is_empty()
+            && shared.half_area() > least
+            && width(&shared) > LEAST_WIDTH * width(&left.union(&right))
     }
 
     /// The best spatial split, if it is better than a cost and there is room for its references.
@@ -260,6 +275,7 @@ impl<S: Shapes> Build<'_, S> {
         let split = spatial.cheapest_split(&grid, self.blocks, bounds.half_area())?;
         let [left, right] = split.counts;
         let progress = left < refs.len() && right < refs.len();
-        (split.cost < cost && progress && left + right <= refs.len() + room).then_some(split)
+        (split.cost < cost * MOST_COST && progress && left + right <= refs.len() + room)
+            .then_some(split)
     }
 }

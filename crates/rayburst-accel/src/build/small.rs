@@ -8,7 +8,7 @@
 use glam::Vec4;
 
 use super::{
-    bins::{BLOCK_OVERHEAD, Best, Blocks},
+    bins::{Best, Blocks},
     bounds::{Bounds4, half_areas},
     primitives::PrimitiveRef,
 };
@@ -24,6 +24,7 @@ type Order = [u8; SMALL];
 pub(super) struct SmallSplit {
     order: Order,
     middle: usize,
+    pub(super) axis: usize,
     pub(super) cost: f32,
 }
 
@@ -31,7 +32,7 @@ pub(super) struct SmallSplit {
 pub(super) fn find(refs: &[PrimitiveRef], area: f32, blocks: Blocks) -> SmallSplit {
     let count = refs.len();
     let orders = sort(refs);
-    let overhead = BLOCK_OVERHEAD * area;
+    let overhead = blocks.overhead * area;
     let areas = |boxes: &[Bounds4; 3]| half_areas(boxes) + overhead;
     let block_count = |count: usize| blocks.lanes(Vec4::splat(count as f32));
     let mut right_costs = [Vec4::ZERO; SMALL];
@@ -48,7 +49,7 @@ pub(super) fn find(refs: &[PrimitiveRef], area: f32, blocks: Blocks) -> SmallSpl
     }
     // No cost is finite when areas overflow.
     let (cost, axis, place) = best.least().unwrap_or((f32::INFINITY, 0, count / 2 - 1));
-    SmallSplit { order: orders[axis], middle: place + 1, cost }
+    SmallSplit { order: orders[axis], middle: place + 1, axis, cost }
 }
 
 impl SmallSplit {

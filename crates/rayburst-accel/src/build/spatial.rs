@@ -11,9 +11,9 @@
 use glam::Vec4;
 
 use super::{
-    bins::{BLOCK_OVERHEAD, Best, Blocks, ROUND, bin_of},
+    bins::{Best, Blocks, ROUND, bin_of},
     bounds::{Bounds4, half_areas},
-    clip::{Corners, clip},
+    clip::{Corners, Plane},
     primitives::PrimitiveRef,
 };
 
@@ -55,6 +55,15 @@ impl Grid {
         [bin_of(rounded.x), bin_of(rounded.y), bin_of(rounded.z)]
     }
 
+    /// The bin that holds a coordinate on an axis.
+    #[inline(always)]
+    fn bin<const AXIS: usize>(&self, x: f32) -> usize {
+        let position = (x - self.lower[AXIS]) * self.scale[AXIS] - 0.5;
+        let last = (self.bins - 1) as f32;
+        let position = if position > 0.0 { position } else { 0.0 };
+        bin_of((if position < last { position } else { last }) + ROUND)
+    }
+
     /// The plane before a bin.
     #[inline(always)]
     fn plane(&self, axis: usize, bin: usize) -> f32 {
@@ -65,8 +74,7 @@ impl Grid {
 /// A plane that splits what it meets, and what the bins say of its sides.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SpatialSplit {
-    pub(super) axis: usize,
-    pub(super) plane: f32,
+    plane: Plane,
     pub(super) cost: f32,
     /// References on each side.
     pub(super) counts: [usize; 2],
@@ -95,42 +103,65 @@ impl SpatialBins {
         self.exits[..grid.bins].fill([0; 4]);
         for reference in refs {
             let (first, last) = (grid.bins(reference.lower()), grid.bins(reference.upper()));
-            let whole = Bounds4::of(reference);
-            let corners = if first == last {
-                [Vec4::ZERO; 3]
-            } else {
-                shapes.corners(reference.index())
-            };
             for axis in 0..3 {
                 self.entries[first[axis]][axis] += 1;
                 self.exits[last[axis]][axis] += 1;
-                let rest = if first[axis] == last[axis] {
-                    whole
-                } else {
-                    self.chop(&corners, &whole, grid, axis, first[axis]..last[axis])
-                };
-                self.bounds[last[axis]][axis].merge(&rest);
+            }
+            if first == last {
+                for axis in 0..3 {
+                    self.bounds[first[axis]][axis].grow(reference.lower(), reference.upper());
+                }
+            } else {
+                let corners = shapes.corners(reference.index());
+                self.chop::<0>(&corners, reference, grid, first[0], last[0]);
+                self.chop::<1>(&corners, reference, grid, first[1], last[1]);
+                self.chop::<2>(&corners, reference, grid, first[2], last[2]);
             }
         }
     }
 
-    /// Adds what is in some bins; returns the box of what is behind them.
+    /// Adds what of a triangle is in its reference's box to the bins from `first` to `last`: the parts
+    /// of its edges in each, drawn into the box. As the bins only choose a plane, this need not be
+    /// exact.
     #[inline(always)]
-    fn chop(
+    fn chop<const AXIS: usize>(
         &mut self,
         corners: &Corners,
-        whole: &Bounds4,
+        reference: &PrimitiveRef,
         grid: &Grid,
-        axis: usize,
-        bins: std::ops::Range<usize>,
-    ) -> Bounds4 {
-        let mut rest = *whole;
-        for bin in bins {
-            let (left, right) = clip(corners, &rest, axis, grid.plane(axis, bin + 1));
-            self.bounds[bin][axis].merge(&left);
-            rest = right;
+        first: usize,
+        last: usize,
+    ) {
+        let (lower, upper) = (reference.lower(), reference.upper());
+        if first == last {
+            return self.bounds[first][AXIS].grow(lower, upper);
         }
-        rest
+        let [from, to] = [lower[AXIS], upper[AXIS]];
+        for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+            let (a, b) = if corners[i][AXIS] <= corners[j][AXIS] {
+                (corners[i], corners[j])
+            } else {
+                (corners[j], corners[i])
+            };
+            if b[AXIS] < from || a[AXIS] > to {
+                continue;
+            }
+            // Not finite only if both ends are in one bin.
+            let slope = (b - a) / (b[AXIS] - a[AXIS]);
+            let at = |position: f32| a + slope * (position - a[AXIS]);
+            let start = if a[AXIS] < from { at(from) } else { a };
+            let end = if b[AXIS] > to { at(to) } else { b };
+            let begin_bin = grid.bin::<AXIS>(start[AXIS]).clamp(first, last);
+            let end_bin = grid.bin::<AXIS>(end[AXIS]).clamp(first, last);
+            let mut previous = start.clamp(lower, upper);
+            for bin in begin_bin..end_bin {
+                let next = at(grid.plane(AXIS, bin + 1)).clamp(lower, upper);
+                self.bounds[bin][AXIS].grow(previous.min(next), previous.max(next));
+                previous = next;
+            }
+            let end = end.clamp(lower, upper);
+            self.bounds[end_bin][AXIS].grow(previous.min(end), previous.max(end));
+        }
     }
 
     pub(super) fn merge(&mut self, other: &Self, bins: usize) {
@@ -151,7 +182,7 @@ impl SpatialBins {
         area: f32,
     ) -> Option<SpatialSplit> {
         let bins = grid.bins;
-        let overhead = BLOCK_OVERHEAD * area;
+        let overhead = blocks.overhead * area;
         let mut right_costs = [Vec4::ZERO; SPATIAL_BINS];
         let (mut right, mut count) = ([Bounds4::EMPTY; 3], Vec4::ZERO);
         for bin in (1..bins).rev() {
@@ -171,8 +202,7 @@ impl SpatialBins {
             bounds.iter().fold(Bounds4::EMPTY, |sum, b| sum.union(&b[axis]))
         };
         Some(SpatialSplit {
-            axis,
-            plane: grid.plane(axis, bin + 1),
+            plane: Plane::new(axis, grid.plane(axis, bin + 1)),
             cost,
             counts: [sum(&self.entries[..=bin]), sum(&self.exits[bin + 1..bins])],
             bounds: [union(&self.bounds[..=bin]), union(&self.bounds[bin + 1..bins])],
@@ -215,10 +245,10 @@ impl SpatialSplit {
         let (mut middle, mut end) = (0, count);
         for i in 0..count {
             let mut reference = refs[i];
-            let [from, to] = reference.interval(self.axis);
-            let goes_left = if to <= self.plane {
+            let [from, to] = reference.interval(self.plane.axis);
+            let goes_left = if to <= self.plane.position {
                 true
-            } else if from >= self.plane {
+            } else if from >= self.plane.position {
                 false
             } else {
                 match self.sides(&reference, end < refs.len(), shapes) {
@@ -242,7 +272,7 @@ impl SpatialSplit {
     fn sides(&self, reference: &PrimitiveRef, room: bool, shapes: &impl Shapes) -> Sides {
         let whole = Bounds4::of(reference);
         let corners = shapes.corners(reference.index());
-        let (left, right) = clip(&corners, &whole, self.axis, self.plane);
+        let (left, right) = self.plane.clip(&corners, &whole);
         // The triangle itself may be on one side only, although its box is not.
         if right.is_empty() {
             return Sides::Left;
