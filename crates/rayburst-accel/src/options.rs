@@ -61,7 +61,8 @@ impl BuildOptions<'_> {
     /// References for each triangle, at most.
     pub(crate) fn resolve_budget(&self) -> f32 {
         const MOST: f32 = 16.0;
-        self.reference_budget.unwrap_or(1.5).max(1.0).min(MOST)
+        let budget = self.reference_budget.unwrap_or(1.5);
+        if budget > 1.0 { budget.min(MOST) } else { 1.0 }
     }
 }
 

@@ -5,11 +5,12 @@
 //! that split the primitives themselves are tried too ([`super::spatial`]), and the cheaper split is
 //! taken. A primitive may then be in several leaves.
 //!
-//! Changed: spatial splits are not tried where they hardly gain: in nodes of few references, and where
-//! the overlap is narrow. The number of references is bounded by a budget. The room that is left for new ones is
-//! divided between the children in proportion to what they might need, so the tree does not depend on
-//! the number of threads. Object splits are those of [`super::binned_sah`], whose bound on the depth
-//! holds here too: no child has more references than its parent.
+//! Changed: spatial splits are not tried where they hardly gain: where the overlap is narrow, and in
+//! nodes of few references unless these are large. The number of references is bounded by a budget;
+//! the room that is left for new ones is divided between the children in proportion to their
+//! references, so the tree does not depend on the number of threads. Object splits are those of
+//! [`super::binned_sah`], whose bound on the depth holds here too: no child has more references than
+//! its parent.
 //!
 //! Memory: the budget's references, and for each room for two nodes, of which few are touched.
 
@@ -38,7 +39,7 @@ const LEAST_OVERLAP: f32 = 1e-5;
 const LEAST_OVERLAP_OF_FEW: f32 = 1e-3;
 /// Nodes of fewer references have few.
 const FEW: usize = 128;
-/// Nor are those that overlap, along the axis of the split, by less than this part of their parent.
+/// Nor are children that overlap, along the axis of the split, by less than this part of their parent.
 const LEAST_WIDTH: f32 = 0.1;
 /// The cost of a spatial split that is taken, at most, in units of the object split's. New references
 /// cost more further down than the heuristic knows.

@@ -7,7 +7,8 @@
 //! children.
 //!
 //! Changed: leaves are those of the binary tree, whose cost is the same in every wide tree and left
-//! out; a node costs a little beyond its area, so that no node is spent on next to nothing. Time and memory are linear; four bytes a binary node stay.
+//! out; a node costs a little beyond its area, so that no node is spent on next to nothing. Time and
+//! memory are linear; four bytes a binary node stay.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
