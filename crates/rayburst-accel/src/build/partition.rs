@@ -63,7 +63,7 @@ mod tests {
             for modulus in [1, 2, 7] {
                 let of = |i| PrimitiveRef::new(&Aabb::of_point(Vec3::ZERO), i);
                 let mut refs: Vec<_> = (0..count as u32).map(of).collect();
-                let left = |r: &PrimitiveRef| (r.index() / 1000) % modulus != 0;
+                let left = |r: &PrimitiveRef| !(r.index() / 1000).is_multiple_of(modulus);
                 let middle = partition(&mut refs, left);
                 assert!(refs[..middle].iter().all(left) && !refs[middle..].iter().any(left));
                 let mut all: Vec<u32> = refs.iter().map(PrimitiveRef::index).collect();
