@@ -7,11 +7,13 @@ use rayburst_math::{Aabb, Hit, Ray};
 use rayburst_simd::{Isa, IsaLevel, Triangles4};
 
 use crate::{
-    BuildError, BuildOptions, BuildQuality, BuildStats, BvhDefect, CandidateFilter, InstanceFlags,
-    TraceOptions, TriangleMesh, ValidationReport,
+    BuildError, BuildOptions, BuildQuality, BuildStats, Builder, BvhDefect, CandidateFilter,
+    InstanceFlags, TraceOptions, TriangleMesh, ValidationReport,
     build::{
         binned_sah::BinnedSah,
+        monitor::Monitor,
         primitives::{self, MAX_PRIMITIVES},
+        sbvh::Sbvh,
     },
     layout::{
         bvh8::Bvh8,
@@ -43,23 +45,38 @@ impl Blas {
     /// Builds over triangle meshes; their order gives the geometry indices of hits.
     pub fn build(
         geometries: &[TriangleMesh<'_>],
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
     ) -> Result<Self, BuildError> {
         let begin = Instant::now();
         let isa = options.resolve_isa()?;
         let starts = number_triangles(geometries)?;
         let leaves = TriangleLeaves { geometries, starts: &starts[..geometries.len()] };
+        let monitor = Monitor::new(options.control);
+        monitor.check()?;
         let (refs, inactive) = primitives::of_triangles(geometries, leaves.starts)?;
         let primitives = refs.len();
+        monitor.begin(primitives);
         let bins = match options.quality {
             BuildQuality::Fast => 8,
-            BuildQuality::Balanced => 32,
+            BuildQuality::Balanced | BuildQuality::Best => 32,
         };
-        let binary = BinnedSah { bins, leaf_size: BLOCK }.build(refs);
+        let leaf_size = BLOCK;
+        let (binary, references) = match options.resolve_builder() {
+            Builder::BinnedSah => (BinnedSah { bins, leaf_size, monitor }.build(refs)?, primitives),
+            Builder::SpatialSplits => {
+                let budget = options.resolve_budget();
+                Sbvh { bins, leaf_size, budget, shapes: &leaves, monitor }.build(refs)?
+            }
+        };
+        // A cancelled tree has leaves of any size.
+        monitor.check()?;
         let tree = Bvh8::collapse(&binary, &leaves)?;
+        monitor.check()?;
+        monitor.finish();
         let stats = BuildStats {
             primitives,
             inactive,
+            references,
             nodes: tree.shape.nodes,
             leaves: tree.shape.leaves,
             depth: tree.shape.depth,
@@ -110,28 +127,40 @@ impl Blas {
         )
     }
 
-    /// Proves the structure: each triangle that can be hit reached once, boxes enclosing, references
-    /// in bounds, depth within what traversal allows.
+    /// Proves the structure: each triangle that can be hit reached once, or covered by the boxes of the
+    /// leaves that it is in after spatial splits; boxes enclosing, references in bounds, depth within
+    /// what traversal allows.
     pub fn validate(&self) -> Result<ValidationReport, BvhDefect> {
-        let triangles = self.starts[self.geometry_count()];
-        validate::tree(
-            &self.tree,
-            triangles,
-            self.stats.primitives,
-            size_of::<Triangles4>() / 32,
-            |value| {
-                let block = self.block(value);
-                (0..BLOCK)
-                    .filter(|&lane| TriangleId::of_lane(block, lane) != TriangleId::NONE)
-                    .map(|lane| {
-                        let bounds = Aabb::of_points(block.vertices.map(|corner| {
-                            Vec3::new(corner[0][lane], corner[1][lane], corner[2][lane])
-                        }));
-                        (TriangleId::of_lane(block, lane).triangle(), bounds)
-                    })
-                    .collect()
+        let total = self.starts[self.geometry_count()];
+        let expected = self.stats.primitives;
+        let half_lines = size_of::<Triangles4>() / 32;
+        if self.has_duplicates() {
+            return validate::split_tree(&self.tree, total, expected, half_lines, |value| {
+                self.leaf(value).collect()
+            });
+        }
+        validate::tree(&self.tree, total, expected, half_lines, |value| {
+            let boxes = self.leaf(value);
+            boxes.map(|(triangle, corners)| (triangle, Aabb::of_points(corners))).collect()
+        })
+    }
+
+    /// The triangles of a leaf and their corners.
+    fn leaf(&self, value: u32) -> impl Iterator<Item = (u32, [Vec3; 3])> + use<'_> {
+        let block = self.block(value);
+        (0..BLOCK).filter(|&lane| TriangleId::of_lane(block, lane) != TriangleId::NONE).map(
+            |lane| {
+                let corners = block
+                    .vertices
+                    .map(|corner| Vec3::new(corner[0][lane], corner[1][lane], corner[2][lane]));
+                (TriangleId::of_lane(block, lane).triangle(), corners)
             },
         )
+    }
+
+    /// Whether a triangle may be in several leaves.
+    pub(crate) fn has_duplicates(&self) -> bool {
+        self.stats.references > self.stats.primitives
     }
 
     /// The geometry and primitive of a triangle numbered through all geometries.
@@ -254,31 +283,47 @@ mod tests {
         (positions, indices)
     }
 
-    fn build(n: u32) -> Blas {
-        let (positions, indices) = terrain(n);
+    fn build(n: u32, quality: BuildQuality) -> Blas {
+        let (mut positions, mut indices) = terrain(n);
+        // Triangles across all others, which the best quality splits.
+        for i in 0..8 {
+            let first = positions.len() as u32;
+            let x = i as f32 * n as f32 / 8.0;
+            let far = Vec3::new(n as f32 - x, 1.0, n as f32);
+            positions.extend([Vec3::new(x, -1.0, 0.0), far, far + 0.1]);
+            indices.push([first, first + 1, first + 2]);
+        }
         let mesh = TriangleMesh::new(&positions, &indices);
-        Blas::build(&[mesh], &BuildOptions::default()).unwrap()
+        Blas::build(&[mesh], &BuildOptions { quality, ..BuildOptions::default() }).unwrap()
     }
 
     #[test]
     fn the_bytes_do_not_depend_on_threads() {
-        let bytes = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| build(200)).tree.words().to_vec()
-        };
-        let one = bytes(1);
-        assert!(one == bytes(2) && one == bytes(7));
+        for quality in [BuildQuality::Fast, BuildQuality::Balanced, BuildQuality::Best] {
+            let bytes = |threads| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                let blas = pool.install(|| build(300, quality));
+                assert_eq!(blas.has_duplicates(), quality == BuildQuality::Best);
+                blas.tree.words().to_vec()
+            };
+            let one = bytes(1);
+            assert!(one == bytes(2) && one == bytes(7), "{quality:?}");
+        }
     }
 
     #[test]
     fn validation_finds_every_kind_of_defect() {
-        let blas = build(12);
-        assert!(blas.validate().is_ok());
-        for (name, defect) in defects() {
-            let mut broken = blas.clone();
-            defect(&mut broken.tree);
-            assert!(broken.validate().is_err(), "{name}");
+        for quality in [BuildQuality::Balanced, BuildQuality::Best] {
+            let blas = build(12, quality);
+            assert_eq!(blas.has_duplicates(), quality == BuildQuality::Best);
+            blas.validate().unwrap();
+            for (name, defect) in defects() {
+                let mut broken = blas.clone();
+                defect(&mut broken.tree);
+                assert!(broken.validate().is_err(), "{name}, {quality:?}");
+            }
         }
+        let blas = build(12, BuildQuality::Balanced);
         let mut fewer = blas.clone();
         fewer.stats.primitives += 1;
         assert!(matches!(fewer.validate(), Err(BvhDefect::Missing(_))));

@@ -51,6 +51,9 @@ pub enum BuildError {
         /// How much was asked for.
         bytes: usize,
     },
+    /// The build was told to stop, see [`crate::BuildControl::cancel`].
+    #[error("the build was cancelled")]
+    Cancelled,
     /// `RAYBURST_ISA` names no instruction set of this CPU.
     #[error(transparent)]
     Isa(#[from] IsaError),

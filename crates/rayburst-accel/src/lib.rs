@@ -17,6 +17,7 @@
 
 mod blas;
 mod build;
+mod control;
 mod error;
 mod geometry;
 mod layout;
@@ -28,9 +29,10 @@ mod traverse;
 mod validate;
 
 pub use blas::Blas;
+pub use control::BuildControl;
 pub use error::BuildError;
 pub use geometry::{Instance, InstanceFlags, MAX_COORDINATE, TriangleMesh};
-pub use options::{BuildOptions, BuildQuality, BuildStats};
+pub use options::{BuildOptions, BuildQuality, BuildStats, Builder};
 pub use query::{
     AcceptAll, AllHits, CandidateFilter, Counters, Cull, FilterFn, TraceMode, TraceOptions,
 };

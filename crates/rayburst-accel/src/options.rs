@@ -2,6 +2,8 @@
 
 use rayburst_simd::{IsaError, IsaLevel};
 
+use crate::BuildControl;
+
 /// The trade of build time against trace time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
@@ -11,22 +13,56 @@ pub enum BuildQuality {
     /// Binned surface area heuristic.
     #[default]
     Balanced,
+    /// Spatial splits: triangles may be in several leaves.
+    Best,
+}
+
+/// How the tree over the triangles is built.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Builder {
+    /// Top-down by the binned surface area heuristic.
+    BinnedSah,
+    /// The same with splits of the triangles themselves.
+    SpatialSplits,
 }
 
 /// Options of a build.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct BuildOptions {
+pub struct BuildOptions<'a> {
     /// The trade of build time against trace time.
     pub quality: BuildQuality,
+    /// The builder of a BLAS; `None` is the quality's.
+    pub builder: Option<Builder>,
+    /// How many references to triangles spatial splits may make, as a multiple of the triangles;
+    /// `None` is 1.5, and there are never fewer than one a triangle.
+    pub reference_budget: Option<f32>,
     /// The instruction set of this structure's kernels; `None` is what `RAYBURST_ISA` names, or the
     /// best one.
     pub isa: Option<IsaLevel>,
+    /// For watching and stopping the build from another thread.
+    pub control: Option<&'a BuildControl>,
 }
 
-impl BuildOptions {
+impl BuildOptions<'_> {
     /// The instruction set asked for.
     pub(crate) fn resolve_isa(&self) -> Result<IsaLevel, IsaError> {
         self.isa.map_or_else(IsaLevel::from_environment, Ok)
+    }
+
+    /// The builder asked for.
+    pub(crate) fn resolve_builder(&self) -> Builder {
+        self.builder.unwrap_or(match self.quality {
+            BuildQuality::Fast | BuildQuality::Balanced => Builder::BinnedSah,
+            BuildQuality::Best => Builder::SpatialSplits,
+        })
+    }
+
+    /// References for each triangle, at most.
+    pub(crate) fn resolve_budget(&self) -> f32 {
+        const MOST: f32 = 16.0;
+        let budget = self.reference_budget.unwrap_or(1.5);
+        if budget > 1.0 { budget.min(MOST) } else { 1.0 }
     }
 }
 
@@ -37,6 +73,8 @@ pub struct BuildStats {
     pub primitives: usize,
     /// Triangles and instances that are never hit: not finite, too large, zero area, no inverse.
     pub inactive: usize,
+    /// Primitives in all leaves: more than `primitives` where spatial splits put some into several.
+    pub references: usize,
     /// Inner nodes.
     pub nodes: usize,
     /// Leaves.

@@ -19,6 +19,7 @@ use crate::{
     InstanceFlags, TraceOptions, ValidationReport,
     build::{
         binned_sah::BinnedSah,
+        monitor::Monitor,
         primitives::{MAX_PRIMITIVES, PrimitiveRef, is_traceable},
     },
     layout::bvh8::{Bvh8, Leaves},
@@ -74,7 +75,7 @@ impl Tlas {
     pub fn build(
         blases: Vec<Arc<Blas>>,
         instances: &[Instance],
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
     ) -> Result<Self, BuildError> {
         let begin = Instant::now();
         let isa = options.resolve_isa()?;
@@ -105,7 +106,8 @@ impl Tlas {
 
         let primitives = refs.len();
         let sole = refs.first().filter(|_| primitives == 1).map(PrimitiveRef::index);
-        let binary = BinnedSah { bins: 16, leaf_size: 1 }.build(refs);
+        let binary =
+            BinnedSah { bins: 16, leaf_size: 1, monitor: Monitor::default() }.build(refs)?;
         let tree = Bvh8::collapse(&binary, &InstanceLeaves)?;
         let bounds = tree.bounds;
         let corner = if bounds.is_empty() {
@@ -127,6 +129,7 @@ impl Tlas {
         let stats = BuildStats {
             primitives,
             inactive: instances.len() - primitives,
+            references: primitives,
             nodes: tree.shape.nodes,
             leaves: tree.shape.leaves,
             depth: tree.shape.depth,

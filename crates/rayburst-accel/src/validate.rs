@@ -22,6 +22,9 @@ pub enum BvhDefect {
     /// A primitive in a leaf is not one that can be hit, or differs from its source.
     #[error("the leaves hold primitive {0}, which is inactive, unknown or altered")]
     Foreign(u32),
+    /// A part of a primitive that is in several leaves is in none of their boxes.
+    #[error("the boxes of the leaves that hold primitive {0} do not cover it")]
+    NotCovered(u32),
     /// A box does not hold what is below it.
     #[error("child {slot} of node {node} does not enclose what is below it")]
     NotEnclosing {
@@ -55,15 +58,18 @@ pub struct ValidationReport {
     pub nodes: usize,
     /// Leaves.
     pub leaves: usize,
-    /// Primitives in them.
+    /// Different primitives in them.
     pub primitives: usize,
+    /// Primitives in them, those in several as often.
+    pub references: usize,
     /// Inner nodes on the longest path.
     pub depth: usize,
     /// Cost by the surface area heuristic.
     pub sah_cost: f32,
 }
 
-/// Walks a tree; `primitives` of a leaf's value are their indices, less than `total`, and exact boxes.
+/// Walks a tree in which each primitive is once; `primitives` of a leaf's value are their indices, less
+/// than `total`, and exact boxes.
 pub(crate) fn tree(
     tree: &Bvh8,
     total: u32,
@@ -71,10 +77,38 @@ pub(crate) fn tree(
     leaf_half_lines: usize,
     primitives: impl Fn(u32) -> Vec<(u32, Aabb)>,
 ) -> Result<ValidationReport, BvhDefect> {
+    walk(tree, total, expected, leaf_half_lines, Once { primitives }).map(|(report, _)| report)
+}
+
+/// Walks a tree in which a triangle may be in several leaves; `triangles` of a leaf's value are their
+/// indices, less than `total`, and corners.
+pub(crate) fn split_tree(
+    tree: &Bvh8,
+    total: u32,
+    expected: usize,
+    leaf_half_lines: usize,
+    triangles: impl Fn(u32) -> Vec<(u32, [Vec3; 3])>,
+) -> Result<ValidationReport, BvhDefect> {
+    let parts = Parts { triangles, parts: vec![] };
+    let (report, Parts { mut parts, .. }) = walk(tree, total, expected, leaf_half_lines, parts)?;
+    parts.sort_by_key(|part| part.triangle);
+    for parts in parts.chunk_by(|a, b| a.triangle == b.triangle) {
+        check_cover(parts)?;
+    }
+    Ok(report)
+}
+
+fn walk<L: Leaf>(
+    tree: &Bvh8,
+    total: u32,
+    expected: usize,
+    leaf_half_lines: usize,
+    leaf: L,
+) -> Result<(ValidationReport, L), BvhDefect> {
     let mut walk = Walk {
         tree,
         leaf_half_lines,
-        primitives,
+        leaf,
         seen: vec![false; total as usize],
         used: vec![false; tree.half_lines()],
         report: ValidationReport::default(),
@@ -93,7 +127,112 @@ pub(crate) fn tree(
         let root = f64::from(bounds.half_area()).max(f64::MIN_POSITIVE);
         walk.report.sah_cost = ((walk.area + f64::from(bounds.half_area())) / root) as f32;
     }
-    Ok(walk.report)
+    Ok((walk.report, walk.leaf))
+}
+
+/// What is in leaves.
+trait Leaf {
+    /// Checks the leaf of a value in a box; notes its primitives and returns a box that those above
+    /// must enclose.
+    fn check(
+        &mut self,
+        value: u32,
+        bounds: &Aabb,
+        seen: &mut [bool],
+        report: &mut ValidationReport,
+    ) -> Result<Aabb, BvhDefect>;
+}
+
+/// Leaves whose boxes enclose their primitives, each of which is in one leaf.
+struct Once<P> {
+    primitives: P,
+}
+
+impl<P: Fn(u32) -> Vec<(u32, Aabb)>> Leaf for Once<P> {
+    fn check(
+        &mut self,
+        value: u32,
+        _: &Aabb,
+        seen: &mut [bool],
+        report: &mut ValidationReport,
+    ) -> Result<Aabb, BvhDefect> {
+        let mut all = Aabb::EMPTY;
+        for (primitive, bounds) in (self.primitives)(value) {
+            let seen = seen.get_mut(primitive as usize).ok_or(BvhDefect::Foreign(primitive))?;
+            if std::mem::replace(seen, true) {
+                return Err(BvhDefect::Repeated(primitive));
+            }
+            if bounds.is_empty() {
+                return Err(BvhDefect::Foreign(primitive));
+            }
+            report.primitives += 1;
+            report.references += 1;
+            all = all.union(bounds);
+        }
+        Ok(all)
+    }
+}
+
+/// Leaves whose boxes enclose parts of their triangles.
+struct Parts<T> {
+    triangles: T,
+    parts: Vec<Part>,
+}
+
+struct Part {
+    triangle: u32,
+    corners: [Vec3; 3],
+    leaf: Aabb,
+}
+
+impl<T: Fn(u32) -> Vec<(u32, [Vec3; 3])>> Leaf for Parts<T> {
+    fn check(
+        &mut self,
+        value: u32,
+        leaf: &Aabb,
+        seen: &mut [bool],
+        report: &mut ValidationReport,
+    ) -> Result<Aabb, BvhDefect> {
+        let triangles = (self.triangles)(value);
+        for (i, &(triangle, corners)) in triangles.iter().enumerate() {
+            let seen = seen.get_mut(triangle as usize).ok_or(BvhDefect::Foreign(triangle))?;
+            if triangles[..i].iter().any(|&(other, _)| other == triangle) {
+                return Err(BvhDefect::Repeated(triangle));
+            }
+            if Aabb::of_points(corners).intersection(*leaf).is_empty() {
+                return Err(BvhDefect::Foreign(triangle));
+            }
+            report.primitives += usize::from(!std::mem::replace(seen, true));
+            report.references += 1;
+            self.parts.push(Part { triangle, corners, leaf: *leaf });
+        }
+        Ok(*leaf)
+    }
+}
+
+/// Checks that the leaves of a triangle hold the same one, and points all over it.
+fn check_cover(parts: &[Part]) -> Result<(), BvhDefect> {
+    const STEPS: u32 = 12;
+    let Part { triangle, corners, .. } = parts[0];
+    if parts.iter().any(|part| part.corners != corners) {
+        return Err(BvhDefect::Foreign(triangle));
+    }
+    let [a, b, c] = corners.map(Vec3::as_dvec3);
+    let error = 4.0 * f64::EPSILON * a.abs().max(b.abs()).max(c.abs());
+    for i in 0..=STEPS {
+        for j in 0..=STEPS - i {
+            let [u, v] = [i, j].map(|x| f64::from(x) / f64::from(STEPS));
+            let point = a * (1.0 - u - v) + b * u + c * v;
+            let held = parts.iter().any(|part| {
+                (part.leaf.lower.as_dvec3() - error).cmple(point).all()
+                    && point.cmple(part.leaf.upper.as_dvec3() + error).all()
+            });
+            if !held {
+                return Err(BvhDefect::NotCovered(triangle));
+            }
+        }
+    }
+    Ok(())
 }
 
 const NODE_HALF_LINES: usize = size_of::<Node8>() / 32;
@@ -102,10 +241,10 @@ fn bad_reference(node: u32, slot: usize) -> BvhDefect {
     BvhDefect::BadReference { node, slot: slot as u32 }
 }
 
-struct Walk<'a, P> {
+struct Walk<'a, L> {
     tree: &'a Bvh8,
     leaf_half_lines: usize,
-    primitives: P,
+    leaf: L,
     seen: Vec<bool>,
     used: Vec<bool>,
     report: ValidationReport,
@@ -113,7 +252,7 @@ struct Walk<'a, P> {
     area: f64,
 }
 
-impl<P: Fn(u32) -> Vec<(u32, Aabb)>> Walk<'_, P> {
+impl<L: Leaf> Walk<'_, L> {
     /// Marks half lines as used; fails if they do not exist or already are.
     fn claim(&mut self, at: u32, count: usize) -> Result<(), ()> {
         let lines = self.used.get_mut(at as usize..at as usize + count).ok_or(())?;
@@ -149,7 +288,7 @@ impl<P: Fn(u32) -> Vec<(u32, Aabb)>> Walk<'_, P> {
             }
             self.area += f64::from(bounds.half_area());
             let below = if child.is_leaf() {
-                self.leaf(at, slot, child)?
+                self.leaf(at, slot, child, &bounds)?
             } else {
                 if !child.value().is_multiple_of(2)
                     || self.claim(child.value(), NODE_HALF_LINES).is_err()
@@ -166,7 +305,13 @@ impl<P: Fn(u32) -> Vec<(u32, Aabb)>> Walk<'_, P> {
         Ok(all)
     }
 
-    fn leaf(&mut self, node: u32, slot: usize, leaf: Reference) -> Result<Aabb, BvhDefect> {
+    fn leaf(
+        &mut self,
+        node: u32,
+        slot: usize,
+        leaf: Reference,
+        bounds: &Aabb,
+    ) -> Result<Aabb, BvhDefect> {
         let value = leaf.value();
         let claimed = if self.leaf_half_lines == 0 {
             (value as usize) < self.seen.len()
@@ -177,19 +322,6 @@ impl<P: Fn(u32) -> Vec<(u32, Aabb)>> Walk<'_, P> {
             return Err(bad_reference(node, slot));
         }
         self.report.leaves += 1;
-        let mut all = Aabb::EMPTY;
-        for (primitive, bounds) in (self.primitives)(value) {
-            let seen =
-                self.seen.get_mut(primitive as usize).ok_or(BvhDefect::Foreign(primitive))?;
-            if std::mem::replace(seen, true) {
-                return Err(BvhDefect::Repeated(primitive));
-            }
-            if bounds.is_empty() {
-                return Err(BvhDefect::Foreign(primitive));
-            }
-            self.report.primitives += 1;
-            all = all.union(bounds);
-        }
-        Ok(all)
+        self.leaf.check(value, bounds, &mut self.seen, &mut self.report)
     }
 }

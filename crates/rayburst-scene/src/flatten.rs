@@ -88,7 +88,7 @@ pub enum FlattenError {
 #[derive(Debug)]
 pub struct Flattener<'a> {
     scene: &'a Scene,
-    options: BuildOptions,
+    options: BuildOptions<'a>,
     /// For each node, how its mesh is placed.
     placement: Vec<Placement>,
     baked: Option<Built>,
@@ -120,7 +120,7 @@ struct Shared {
 
 impl<'a> Flattener<'a> {
     /// Prepares a scene.
-    pub fn new(scene: &'a Scene, options: BuildOptions) -> Self {
+    pub fn new(scene: &'a Scene, options: BuildOptions<'a>) -> Self {
         let moving = moving_nodes(scene);
         let mut uses = vec![0u32; scene.meshes.len()];
         for node in &scene.nodes {

@@ -1,392 +1,228 @@
 //! Top-down build of a binary tree by the binned surface area heuristic, in parallel.
 //!
 //! After Wald, "On fast construction of SAH-based bounding volume hierarchies", 2007: the centroids
-//! of a node's primitives fall into equal bins on each axis; of all planes between bins the one of
-//! least cost `Σ area · blocks` splits the node, where leaves are counted in blocks of as many
-//! primitives as one leaf holds (Wald, Benthin, Boulos, "Getting rid of packets", 2008).
+//! of a node's primitives fall into equal bins on each axis, and the plane between bins of least cost
+//! `Σ area · blocks` splits the node ([`super::bins`]); nodes of few primitives are split exactly
+//! ([`super::small`]).
 //!
 //! Changed: nodes whose subtree might grow deeper than [`MAX_DEPTH`], and nodes whose centroids all
 //! coincide, are split at the median, so that depth is bounded for every input. Bins are merged with
-//! minima, maxima and integer sums only, so the tree does not depend on the number of threads.
+//! minima, maxima and integer sums only, and primitives move between fixed chunks, so the tree does
+//! not depend on the number of threads.
 //!
-//! Memory beyond the primitives: at most `2n − 1` nodes of 32 bytes, about `0.8 n` in practice.
+//! Memory beyond the primitives: room for `2n − 1` nodes of 32 bytes, the most that there can be, of
+//! which about `0.7 n` are touched. A subtree of `n` primitives owns `2n − 2` of them beside its root,
+//! so that tasks need no lock and no copy.
 
-use glam::Vec4;
-use rayburst_math::Aabb;
 use rayon::prelude::*;
 
-use super::primitives::PrimitiveRef;
-use crate::layout::bvh2::{Bvh2, Node2};
+use super::{
+    bins::Blocks, bounds::Extent, monitor::Monitor, object::Kit, partition::CHUNK,
+    primitives::PrimitiveRef,
+};
+use crate::{
+    BuildError,
+    layout::bvh2::{Bvh2, Node2},
+};
 
 /// No leaf is further from the root than this.
 pub(crate) const MAX_DEPTH: usize = 64;
 
+/// What a leaf costs beyond its area, see [`Blocks::overhead`].
+const BLOCK_OVERHEAD: f32 = 0.6;
 /// Subtrees of fewer primitives are built by one task.
-const TASK: usize = 4096;
-/// Nodes of more primitives are binned by several tasks, this many primitives each.
-const BINNING_TASK: usize = 1 << 16;
-const MAX_BINS: usize = 32;
+pub(super) const TASK: usize = 4096;
 
 /// Options of the builder.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct BinnedSah {
+pub(crate) struct BinnedSah<'a> {
     /// Bins an axis, at most 32.
     pub(crate) bins: usize,
-    /// Primitives in a leaf, at most.
+    /// Primitives in a leaf, at most; a power of two.
     pub(crate) leaf_size: usize,
+    /// Whom progress is told.
+    pub(crate) monitor: Monitor<'a>,
 }
 
-/// What is known of a node before it is split.
-#[derive(Clone, Copy)]
-struct Extent {
-    bounds: Bounds4,
-    /// The box around the centroids, times two.
-    centroids: Bounds4,
+/// Room for the nodes below one.
+pub(super) struct Slots<'a> {
+    pub(super) nodes: &'a mut [Node2],
+    /// The index of the first of them in the tree.
+    pub(super) base: u32,
 }
 
-/// A box in four lanes, of which the last is meaningless.
-#[derive(Clone, Copy)]
-struct Bounds4 {
-    lower: Vec4,
-    upper: Vec4,
-}
-
-impl Bounds4 {
-    const EMPTY: Self =
-        Self { lower: Vec4::splat(f32::INFINITY), upper: Vec4::splat(f32::NEG_INFINITY) };
-
-    #[inline(always)]
-    fn grow(&mut self, lower: Vec4, upper: Vec4) {
-        self.lower = self.lower.min(lower);
-        self.upper = self.upper.max(upper);
-    }
-
-    #[inline(always)]
-    fn merge(&mut self, other: &Self) {
-        self.grow(other.lower, other.upper);
-    }
-
-    #[inline(always)]
-    fn half_area(&self) -> f32 {
-        let e = self.upper - self.lower;
-        e.x * e.y + e.y * e.z + e.z * e.x
-    }
-
-    fn aabb(&self) -> Aabb {
-        Aabb { lower: self.lower.truncate(), upper: self.upper.truncate() }
+impl<'a> Slots<'a> {
+    /// Room for a pair of children, and for the nodes below each.
+    pub(super) fn divide(self, left: usize) -> (&'a mut [Node2], [Self; 2]) {
+        let (pair, rest) = self.nodes.split_at_mut(2);
+        let (first, second) = rest.split_at_mut(left);
+        let base = self.base + 2;
+        let second = Slots { nodes: second, base: base + left as u32 };
+        (pair, [Slots { nodes: first, base }, second])
     }
 }
 
-impl Extent {
-    const EMPTY: Self = Self { bounds: Bounds4::EMPTY, centroids: Bounds4::EMPTY };
-
-    fn of(refs: &[PrimitiveRef]) -> Self {
-        refs.iter().fold(Self::EMPTY, |mut extent, reference| {
-            extent.bounds.grow(reference.lower(), reference.upper());
-            let centroid = reference.lower() + reference.upper();
-            extent.centroids.grow(centroid, centroid);
-            extent
-        })
-    }
-
-    fn merge(mut self, other: Self) -> Self {
-        self.bounds.merge(&other.bounds);
-        self.centroids.merge(&other.centroids);
-        self
-    }
+/// How many nodes there can be below one of some primitives.
+pub(super) fn nodes_below(primitives: usize) -> usize {
+    2 * primitives - 2
 }
 
-/// Maps centroids to bins; the outermost bins are half as wide as the others.
-#[derive(Clone, Copy)]
-struct Binning {
-    lower: Vec4,
-    scale: Vec4,
+/// How deep a tree of medians is.
+pub(super) fn levels(primitives: usize, leaf_size: usize) -> usize {
+    primitives.div_ceil(leaf_size).next_power_of_two().ilog2() as usize
 }
 
-impl Binning {
-    fn new(centroids: &Bounds4, bins: usize) -> Self {
-        let extent = centroids.upper - centroids.lower;
-        let axis = |e: f32| {
-            let scale = (bins - 1) as f32 / e;
-            if scale.is_finite() { scale } else { 0.0 }
-        };
-        let scale = Vec4::new(axis(extent.x), axis(extent.y), axis(extent.z), 0.0);
-        Self { lower: centroids.lower, scale }
-    }
-
-    /// The bin of a primitive on each axis.
-    #[inline(always)]
-    fn bins(&self, reference: &PrimitiveRef) -> [usize; 3] {
-        // Adding 1.5 · 2²³ leaves a small number, rounded, in the low bits of the mantissa.
-        const ROUND: Vec4 = Vec4::splat((3 << 22) as f32);
-        let position = (reference.lower() + reference.upper() - self.lower) * self.scale + ROUND;
-        let bin = |x: f32| x.to_bits() as usize % MAX_BINS;
-        [bin(position.x), bin(position.y), bin(position.z)]
-    }
+/// The subtree that one task builds.
+struct Task<'a> {
+    slots: Slots<'a>,
+    used: usize,
+    kit: Kit,
 }
 
-/// A node's primitives in bins.
-struct Bins {
-    bounds: [[Bounds4; MAX_BINS]; 3],
-    counts: [[u32; MAX_BINS]; 3],
-}
-
-impl Bins {
-    const EMPTY: Self =
-        Self { bounds: [[Bounds4::EMPTY; MAX_BINS]; 3], counts: [[0; MAX_BINS]; 3] };
-
-    fn clear(&mut self, bins: usize) {
-        for axis in 0..3 {
-            self.bounds[axis][..bins].fill(Bounds4::EMPTY);
-            self.counts[axis][..bins].fill(0);
-        }
-    }
-
-    fn fill(&mut self, refs: &[PrimitiveRef], binning: &Binning) {
-        for reference in refs {
-            let bins = binning.bins(reference);
-            for axis in 0..3 {
-                self.bounds[axis][bins[axis]].grow(reference.lower(), reference.upper());
-                self.counts[axis][bins[axis]] += 1;
-            }
-        }
-    }
-
-    fn merge(mut self: Box<Self>, other: Box<Self>) -> Box<Self> {
-        for axis in 0..3 {
-            for bin in 0..MAX_BINS {
-                self.bounds[axis][bin].merge(&other.bounds[axis][bin]);
-                self.counts[axis][bin] += other.counts[axis][bin];
-            }
-        }
-        self
-    }
-}
-
-/// A plane between bins: those up to `bin` go left.
-struct Split {
-    axis: usize,
-    bin: usize,
-}
-
-/// A tree whose lower parts were built by tasks of their own.
-enum Tree {
-    Inner(Aabb, Box<(Tree, Tree)>),
-    Task(Vec<Node2>),
-}
-
-impl BinnedSah {
-    /// Builds the tree over some primitives, which it reorders.
-    pub(crate) fn build(&self, mut refs: Vec<PrimitiveRef>) -> Bvh2 {
+impl BinnedSah<'_> {
+    /// Builds the tree over some primitives.
+    pub(crate) fn build(&self, mut refs: Vec<PrimitiveRef>) -> Result<Bvh2, BuildError> {
         if refs.is_empty() {
-            return Bvh2::default();
+            return Ok(Bvh2::default());
         }
-        let extent =
-            refs.par_chunks(BINNING_TASK).map(Extent::of).reduce(|| Extent::EMPTY, Extent::merge);
-        let tree = self.grow_tree(&mut refs, 0, extent, 0);
-        let order = refs.par_iter().map(PrimitiveRef::index).collect();
-        drop(refs);
-        let mut nodes = Vec::with_capacity(tree.node_count());
-        nodes.push(Node2 { bounds: Aabb::EMPTY, first: 0, count: 0 });
-        tree.flatten(0, &mut nodes);
-        Bvh2 { nodes, order }
+        let mut nodes = Node2::allocate(1 + nodes_below(refs.len()))?;
+        if let Some((root, below)) = nodes.split_first_mut() {
+            let slots = Slots { nodes: below, base: 1 };
+            let extent = extent_of(&refs);
+            *root = self.grow_tree(&mut refs, 0, &extent, 0, slots);
+        }
+        let order = refs.par_iter().with_min_len(TASK).map(PrimitiveRef::index).collect();
+        Ok(Bvh2 { nodes, order })
     }
 
-    /// Splits large nodes, in parallel, down to tasks.
+    /// Splits large nodes, in parallel, down to tasks; returns the root.
     fn grow_tree(
         &self,
         refs: &mut [PrimitiveRef],
         first: u32,
-        extent: Extent,
+        extent: &Extent,
         depth: usize,
-    ) -> Tree {
-        let mut bins = Box::new(Bins::EMPTY);
-        if refs.len() < TASK {
-            let mut nodes = Vec::with_capacity(refs.len());
-            nodes.push(Node2 { bounds: extent.bounds.aabb(), first: 0, count: 0 });
-            self.grow(refs, first, &extent, depth, 0, &mut nodes, &mut bins);
-            nodes.shrink_to_fit();
-            return Tree::Task(nodes);
+        slots: Slots<'_>,
+    ) -> Node2 {
+        if self.monitor.is_cancelled() {
+            return Node2::leaf(extent.bounds.aabb(), first, refs.len());
         }
-        let (middle, left, right) = self.divide(refs, &extent, depth, &mut bins);
-        drop(bins);
+        if refs.len() < TASK {
+            self.monitor.advance(refs.len());
+            let mut task = Task { slots, used: 0, kit: Kit::EMPTY };
+            return self.grow(refs, first, extent, depth, &mut task);
+        }
+        let middle = self.divide(refs, extent, depth, &mut Box::new(Kit::EMPTY));
         let (left_refs, right_refs) = refs.split_at_mut(middle);
-        let children = rayon::join(
-            || self.grow_tree(left_refs, first, left, depth + 1),
-            || self.grow_tree(right_refs, first + middle as u32, right, depth + 1),
-        );
-        Tree::Inner(extent.bounds.aabb(), Box::new(children))
+        let (pair, [left, right]) = slots.divide(nodes_below(middle));
+        let child = left.base - 2;
+        let second = first + middle as u32;
+        let grow = |refs: &mut [PrimitiveRef], first, slots| {
+            let extent = extent_of(refs);
+            self.grow_tree(refs, first, &extent, depth + 1, slots)
+        };
+        (pair[0], pair[1]) =
+            rayon::join(|| grow(left_refs, first, left), || grow(right_refs, second, right));
+        Node2::inner(extent.bounds.aabb(), child)
     }
 
-    /// Makes `nodes[node]`, whose box is set, and all below it.
+    /// Makes a subtree; returns its root.
     fn grow(
         &self,
         refs: &mut [PrimitiveRef],
         first: u32,
         extent: &Extent,
         depth: usize,
-        node: usize,
-        nodes: &mut Vec<Node2>,
-        bins: &mut Bins,
-    ) {
+        task: &mut Task<'_>,
+    ) -> Node2 {
+        let bounds = extent.bounds.aabb();
         if refs.len() <= self.leaf_size {
-            nodes[node].first = first;
-            nodes[node].count = refs.len() as u32;
-            return;
+            return Node2::leaf(bounds, first, refs.len());
         }
-        let (middle, left, right) = self.divide(refs, extent, depth, bins);
-        let child = nodes.len();
-        nodes[node].first = child as u32;
-        for side in [&left, &right] {
-            nodes.push(Node2 { bounds: side.bounds.aabb(), first: 0, count: 0 });
+        let middle = self.divide(refs, extent, depth, &mut task.kit);
+        let pair = task.used;
+        task.used += 2;
+        let (left, right) = refs.split_at_mut(middle);
+        for (side, refs, first) in [(0, left, first), (1, right, first + middle as u32)] {
+            let extent = Extent::of(refs);
+            task.slots.nodes[pair + side] = self.grow(refs, first, &extent, depth + 1, task);
         }
-        let (left_refs, right_refs) = refs.split_at_mut(middle);
-        self.grow(left_refs, first, &left, depth + 1, child, nodes, bins);
-        self.grow(right_refs, first + middle as u32, &right, depth + 1, child + 1, nodes, bins);
+        Node2::inner(bounds, task.slots.base + pair as u32)
     }
 
     /// Reorders a node's primitives so that those of its first child come first; returns how many
-    /// these are, and the extents of both children.
+    /// these are.
     fn divide(
         &self,
         refs: &mut [PrimitiveRef],
         extent: &Extent,
         depth: usize,
-        bins: &mut Bins,
-    ) -> (usize, Extent, Extent) {
-        let levels = refs.len().div_ceil(self.leaf_size).next_power_of_two().ilog2() as usize;
-        if depth + levels < MAX_DEPTH {
-            let bin_count = (4 + refs.len() / 4).min(self.bins);
-            let binning = Binning::new(&extent.centroids, bin_count);
-            self.bin(refs, &binning, bin_count, bins);
-            if let Some(split) = self.cheapest_split(bins, bin_count) {
-                return partition(refs, |reference| {
-                    binning.bins(reference)[split.axis] <= split.bin
-                });
+        kit: &mut Kit,
+    ) -> usize {
+        // An uneven split must leave room for medians all the way down.
+        if depth + levels(refs.len(), self.leaf_size) < MAX_DEPTH {
+            let blocks = Blocks::new(self.leaf_size, BLOCK_OVERHEAD);
+            if let Some(split) = kit.find(refs, extent, self.bins, blocks) {
+                return split.apply(refs);
             }
         }
-        let centroids = extent.centroids.upper - extent.centroids.lower;
-        let axis = centroids.truncate().max_position();
-        let middle = refs.len() / 2;
-        let key = |reference: &PrimitiveRef| reference.lower()[axis] + reference.upper()[axis];
-        refs.select_nth_unstable_by(middle, |a, b| {
-            key(a).total_cmp(&key(b)).then(a.index().cmp(&b.index()))
-        });
-        let (left, right) = refs.split_at(middle);
-        (middle, Extent::of(left), Extent::of(right))
-    }
-
-    fn bin(&self, refs: &[PrimitiveRef], binning: &Binning, bin_count: usize, bins: &mut Bins) {
-        if refs.len() <= BINNING_TASK {
-            bins.clear(bin_count);
-            bins.fill(refs, binning);
-        } else {
-            let filled = refs
-                .par_chunks(BINNING_TASK)
-                .map(|chunk| {
-                    let mut bins = Box::new(Bins::EMPTY);
-                    bins.fill(chunk, binning);
-                    bins
-                })
-                .reduce_with(Bins::merge);
-            if let Some(filled) = filled {
-                *bins = *filled;
-            }
-        }
-    }
-
-    /// The plane of least cost, if any plane has primitives on both sides.
-    fn cheapest_split(&self, bins: &Bins, bin_count: usize) -> Option<Split> {
-        let cost = |bounds: &Bounds4, count: u32| {
-            bounds.half_area() * (count as usize).div_ceil(self.leaf_size) as f32
-        };
-        let mut best = (f32::INFINITY, None);
-        for axis in 0..3 {
-            let (bounds, counts) = (&bins.bounds[axis], &bins.counts[axis]);
-            let mut right_costs = [f32::INFINITY; MAX_BINS];
-            let (mut right, mut count) = (Bounds4::EMPTY, 0);
-            for bin in (1..bin_count).rev() {
-                right.merge(&bounds[bin]);
-                count += counts[bin];
-                if count != 0 {
-                    right_costs[bin - 1] = cost(&right, count);
-                }
-            }
-            let (mut left, mut count) = (Bounds4::EMPTY, 0);
-            for bin in 0..bin_count - 1 {
-                left.merge(&bounds[bin]);
-                count += counts[bin];
-                if count != 0 {
-                    let total = cost(&left, count) + right_costs[bin];
-                    if total < best.0 {
-                        best = (total, Some(Split { axis, bin }));
-                    }
-                }
-            }
-        }
-        best.1
+        halve(refs, extent)
     }
 }
 
-/// Moves the primitives that go left to the front; returns their number and both sides' extents.
-fn partition(
-    refs: &mut [PrimitiveRef],
-    goes_left: impl Fn(&PrimitiveRef) -> bool,
-) -> (usize, Extent, Extent) {
-    let (mut left, mut right) = (Extent::EMPTY, Extent::EMPTY);
-    let add = |side: &mut Extent, reference: &PrimitiveRef| {
-        side.bounds.grow(reference.lower(), reference.upper());
-        let centroid = reference.lower() + reference.upper();
-        side.centroids.grow(centroid, centroid);
+/// The extent of primitives, in parallel if they are many.
+pub(super) fn extent_of(refs: &[PrimitiveRef]) -> Extent {
+    refs.par_chunks(CHUNK).map(Extent::of).reduce(|| Extent::EMPTY, Extent::merge)
+}
+
+/// Reorders primitives by the widest axis of their centroids; returns half their number.
+pub(super) fn halve(refs: &mut [PrimitiveRef], extent: &Extent) -> usize {
+    let centroids = extent.centroids.upper - extent.centroids.lower;
+    let axis = centroids.truncate().max_position();
+    let middle = refs.len() / 2;
+    let key = |reference: &PrimitiveRef| {
+        let [from, to] = reference.interval(axis);
+        from + to
     };
-    let (mut begin, mut end) = (0, refs.len());
-    loop {
-        while begin < end && goes_left(&refs[begin]) {
-            add(&mut left, &refs[begin]);
-            begin += 1;
-        }
-        while begin < end && !goes_left(&refs[end - 1]) {
-            end -= 1;
-            add(&mut right, &refs[end]);
-        }
-        if begin >= end {
-            return (begin, left, right);
-        }
-        refs.swap(begin, end - 1);
-    }
+    refs.select_nth_unstable_by(middle, |a, b| {
+        key(a).total_cmp(&key(b)).then(a.index().cmp(&b.index()))
+    });
+    middle
 }
 
-impl Tree {
-    fn node_count(&self) -> usize {
-        match self {
-            Self::Inner(_, children) => 1 + children.0.node_count() + children.1.node_count(),
-            Self::Task(nodes) => nodes.len(),
-        }
-    }
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use rayburst_math::{Aabb, hash::Rng};
 
-    /// Writes the tree's root to `nodes[slot]` and appends the rest.
-    fn flatten(self, slot: usize, nodes: &mut Vec<Node2>) {
-        match self {
-            Self::Inner(bounds, children) => {
-                let first = nodes.len();
-                let child = Node2 { bounds: Aabb::EMPTY, first: 0, count: 0 };
-                nodes[slot] = Node2 { bounds, first: first as u32, count: 0 };
-                nodes.extend([child, child]);
-                children.0.flatten(first, nodes);
-                children.1.flatten(first + 1, nodes);
-            }
-            Self::Task(task) => {
-                // The task's node `i > 0` becomes `shift + i`.
-                let shift = nodes.len() as u32 - 1;
-                let mut moved = task.into_iter().map(|node| Node2 {
-                    first: if node.is_leaf() { node.first } else { node.first + shift },
-                    ..node
-                });
-                if let Some(root) = moved.next() {
-                    nodes[slot] = root;
+    use super::*;
+
+    #[test]
+    fn memory_is_what_was_said_before() {
+        let mut rng = Rng::new(1);
+        for (count, leaf_size) in [(1, 4), (5, 4), (1000, 1), (1000, 4), (20_000, 4)] {
+            let refs: Vec<_> = (0..count)
+                .map(|i| {
+                    PrimitiveRef::new(&Aabb::of_point(rng.vec3() * Vec3::new(9.0, 1.0, 1.0)), i)
+                })
+                .collect();
+            let builder = BinnedSah { bins: 32, leaf_size, monitor: Monitor::default() };
+            let tree = builder.build(refs).unwrap();
+            assert_eq!(tree.nodes.capacity(), 2 * count as usize - 1);
+            assert_eq!(tree.order.len(), count as usize);
+            let (mut stack, mut reached, mut held) = (vec![0], 0, 0);
+            while let Some(node) = stack.pop() {
+                let node = &tree.nodes[node as usize];
+                reached += 1;
+                held += node.count;
+                assert!(node.count as usize <= leaf_size);
+                if !node.is_leaf() {
+                    stack.extend([node.first, node.first + 1]);
                 }
-                nodes.extend(moved);
             }
+            assert!(held == count && reached <= tree.nodes.len(), "{reached} nodes of {count}");
+            // Leaves of one primitive need every node.
+            assert!(leaf_size > 1 || reached == tree.nodes.len());
         }
     }
 }

@@ -1,4 +1,13 @@
 //! Builders: from the boxes of primitives to a binary tree over them.
 
 pub(crate) mod binned_sah;
+mod bins;
+mod bounds;
+mod clip;
+pub(crate) mod monitor;
+mod object;
+mod partition;
 pub(crate) mod primitives;
+pub(crate) mod sbvh;
+mod small;
+pub(crate) mod spatial;

@@ -1,6 +1,6 @@
 //! The memory of a traced structure: one allocation of cache lines, in huge pages where possible.
 
-use bytemuck::{Pod, Zeroable};
+use bytemuck::{Pod, Zeroable, allocation::try_zeroed_vec};
 
 use crate::BuildError;
 
@@ -14,31 +14,35 @@ pub(crate) struct Line {
 /// How many lines references can address: 31 bits of half lines.
 const MAX_LINES: usize = 1 << 30;
 
+/// Zeros, in huge pages, of which no memory is touched before it is written.
+pub(crate) fn zeroed_vec<T: Zeroable>(
+    count: usize,
+    what: &'static str,
+) -> Result<Vec<T>, BuildError> {
+    let bytes = count.saturating_mul(size_of::<T>());
+    let items = try_zeroed_vec(count).map_err(|()| BuildError::OutOfMemory { what, bytes })?;
+    advise_huge_pages(&items);
+    Ok(items)
+}
+
 /// Lines of zeros.
 pub(crate) fn allocate(count: usize) -> Result<Vec<Line>, BuildError> {
     if count > MAX_LINES {
         return Err(BuildError::TooMany { what: "cache lines", count, limit: MAX_LINES });
     }
-    let mut lines = Vec::new();
-    lines.try_reserve_exact(count).map_err(|_| BuildError::OutOfMemory {
-        what: "the structure",
-        bytes: count * size_of::<Line>(),
-    })?;
-    advise_huge_pages(&lines);
-    lines.resize(count, Line::zeroed());
-    Ok(lines)
+    zeroed_vec(count, "the structure")
 }
 
 /// Asks for huge pages: without them rays in large scenes wait for page tables.
 #[cfg(target_os = "linux")]
-fn advise_huge_pages(lines: &Vec<Line>) {
+pub(crate) fn advise_huge_pages<T>(items: &Vec<T>) {
     const PAGE: usize = 4096;
     const HUGE_PAGE: usize = 1 << 21;
-    let start = lines.as_ptr().addr();
-    let end = start + lines.capacity() * size_of::<Line>();
+    let start = items.as_ptr().addr();
+    let end = start + items.capacity() * size_of::<T>();
     let (first, last) = (start.next_multiple_of(PAGE), end & !(PAGE - 1));
     if first + HUGE_PAGE <= last {
-        let pages = lines.as_ptr().cast::<u8>().wrapping_add(first - start).cast_mut();
+        let pages = items.as_ptr().cast::<u8>().wrapping_add(first - start).cast_mut();
         // SAFETY: whole pages within an allocation of ours; the advice changes nothing but how the
         // kernel backs them, and failing (no such kernel feature) is harmless.
         unsafe { libc::madvise(pages.cast(), last - first, libc::MADV_HUGEPAGE) };
@@ -46,7 +50,7 @@ fn advise_huge_pages(lines: &Vec<Line>) {
 }
 
 #[cfg(not(target_os = "linux"))]
-fn advise_huge_pages(_: &Vec<Line>) {}
+pub(crate) fn advise_huge_pages<T>(_: &Vec<T>) {}
 
 #[cfg(test)]
 mod tests {

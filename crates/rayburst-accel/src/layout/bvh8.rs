@@ -17,7 +17,7 @@ use rayburst_simd::Boxes8;
 use rayon::prelude::*;
 
 use super::{
-    arena::{Line, allocate},
+    arena::{Line, allocate, zeroed_vec},
     bvh2::{Bvh2, Node2},
     collapse::{Children, Collapse},
 };
@@ -124,8 +124,8 @@ impl Bvh8 {
             let shape = Shape { nodes: 1, depth: 1, ..Shape::default() };
             return Ok(Self { lines, bounds: Aabb::EMPTY, shape });
         }
-        let sizes = tree.nodes.iter().map(|_| AtomicU32::new(0)).collect();
-        let writer = Writer { tree, collapse: Collapse::new(tree), leaves, sizes };
+        let sizes = zeroed_vec(tree.nodes.len(), "the sizes of wide nodes")?;
+        let writer = Writer { tree, collapse: Collapse::new(tree)?, leaves, sizes };
         let bounds = tree.nodes[0].bounds;
         let plan = writer.plan(0, 0);
         let mut lines = allocate(plan.lines)?;

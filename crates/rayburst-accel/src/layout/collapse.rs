@@ -7,14 +7,19 @@
 //! children.
 //!
 //! Changed: leaves are those of the binary tree, whose cost is the same in every wide tree and left
-//! out. Time and memory are linear; four bytes a binary node stay.
+//! out; a node costs a little beyond its area, so that no node is spent on next to nothing. Time and
+//! memory are linear; four bytes a binary node stay.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use super::bvh2::Bvh2;
+use super::{arena::zeroed_vec, bvh2::Bvh2};
+use crate::BuildError;
 
 /// Children of a wide node.
 const WIDTH: usize = 8;
+/// What a wide node costs beyond its area, for the memory it takes, in parts of the root's area a
+/// primitive.
+const NODE_OVERHEAD: f32 = 0.3;
 /// Subtrees below this level are solved by one task each.
 const PARALLEL_LEVELS: usize = 12;
 
@@ -27,6 +32,8 @@ pub(crate) struct Collapse<'a> {
     /// For each node, three bits for each number of places from two: how many go to the first child;
     /// zero if the node takes one place.
     choices: Vec<AtomicU32>,
+    /// What a node costs beyond its area.
+    overhead: f32,
 }
 
 /// Up to eight binary nodes that become the children of a wide one.
@@ -44,11 +51,12 @@ impl Children {
 
 impl<'a> Collapse<'a> {
     /// Solves a tree that is not empty.
-    pub(crate) fn new(tree: &'a Bvh2) -> Self {
-        let choices = tree.nodes.iter().map(|_| AtomicU32::new(0)).collect();
-        let collapse = Self { tree, choices };
+    pub(crate) fn new(tree: &'a Bvh2) -> Result<Self, BuildError> {
+        let choices = zeroed_vec(tree.nodes.len(), "the choice of wide nodes")?;
+        let overhead = NODE_OVERHEAD * tree.nodes[0].bounds.half_area() / tree.order.len() as f32;
+        let collapse = Self { tree, choices, overhead };
         collapse.solve(0, 0);
-        collapse
+        Ok(collapse)
     }
 
     /// The children of the wide node that stands for a binary one.
@@ -100,7 +108,7 @@ impl<'a> Collapse<'a> {
         };
         // A wide node of its own, which divides all its places.
         let (below, choice) = divide(WIDTH);
-        let whole = node.bounds.half_area() + below;
+        let whole = node.bounds.half_area() + below + self.overhead;
         let mut choices = choice << (3 * (WIDTH - 2));
         let mut costs = [whole; WIDTH - 1];
         for places in 2..WIDTH {

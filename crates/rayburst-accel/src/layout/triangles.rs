@@ -1,9 +1,13 @@
 //! Leaves of triangles: blocks of four beside each other.
 
+use glam::Vec4;
 use rayburst_simd::Triangles4;
 
 use super::bvh8::Leaves;
-use crate::{TriangleMesh, build::primitives::MAX_PRIMITIVES};
+use crate::{
+    TriangleMesh,
+    build::{primitives::MAX_PRIMITIVES, spatial::Shapes},
+};
 
 /// Triangles in a block, and so in a leaf.
 pub(crate) const BLOCK: usize = 4;
@@ -79,6 +83,15 @@ impl Leaves for TriangleLeaves<'_> {
             block.ids[lane] = TriangleId::new(triangle, mesh.opaque).0;
         }
         words.copy_from_slice(bytemuck::cast_slice(std::slice::from_ref(&block)));
+    }
+}
+
+impl Shapes for TriangleLeaves<'_> {
+    #[inline(always)]
+    fn corners(&self, index: u32) -> [Vec4; 3] {
+        let (geometry, primitive) = locate(self.starts, index);
+        let [a, b, c] = self.geometries[geometry as usize].triangle(primitive as usize);
+        [a.extend(0.0), b.extend(0.0), c.extend(0.0)]
     }
 }
 

@@ -9,4 +9,5 @@ mod meshes;
 mod oracle;
 mod oracle_tests;
 mod rules;
+mod splits;
 mod watertight;

@@ -1,7 +1,7 @@
 //! Small meshes of the kinds that break structures.
 
 use glam::Vec3;
-use rayburst_accel::{Blas, BuildOptions, IsaLevel, TriangleMesh};
+use rayburst_accel::{Blas, BuildOptions, BuildQuality, IsaLevel, TriangleMesh};
 use rayburst_math::Ray;
 
 /// A reproducible stream of numbers (SplitMix64).
@@ -76,8 +76,15 @@ impl Mesh {
     }
 }
 
-pub fn with_isa(isa: IsaLevel) -> BuildOptions {
+pub fn with_isa(isa: IsaLevel) -> BuildOptions<'static> {
     BuildOptions { isa: Some(isa), ..BuildOptions::default() }
+}
+
+pub const QUALITIES: [BuildQuality; 3] =
+    [BuildQuality::Fast, BuildQuality::Balanced, BuildQuality::Best];
+
+pub fn with_quality(quality: BuildQuality) -> BuildOptions<'static> {
+    BuildOptions { quality, ..BuildOptions::default() }
 }
 
 /// Random triangles of some size in [−1, 1]³.

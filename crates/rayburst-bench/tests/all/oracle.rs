@@ -3,7 +3,7 @@
 
 use glam::Vec3;
 use rayburst_accel::{
-    AcceptAll, Blas, BuildOptions, Counters, IsaLevel, TraceOptions, TriangleMesh,
+    AcceptAll, Blas, BuildOptions, BuildQuality, Counters, IsaLevel, TraceOptions, TriangleMesh,
 };
 use rayburst_math::{Hit, Ray, hash::Rng, warp};
 use rayburst_testkit::{Oracle, TestMesh, meshes};
@@ -90,8 +90,12 @@ fn every_structure_answers_as_brute_force_does() {
         random_total += random.len();
         aimed_total += aimed.len();
         let mut answers: Vec<(IsaLevel, Vec<Hit>)> = Vec::new();
-        for isa in IsaLevel::available() {
-            let options = BuildOptions { isa: Some(isa), ..BuildOptions::default() };
+        let qualities = [BuildQuality::Balanced, BuildQuality::Best];
+        for (isa, quality) in IsaLevel::available()
+            .into_iter()
+            .flat_map(|isa| qualities.map(|quality| (isa, quality)))
+        {
+            let options = BuildOptions { isa: Some(isa), quality, ..BuildOptions::default() };
             let triangles = TriangleMesh::new(&mesh.positions, &mesh.indices);
             let blas = Blas::build(&[triangles], &options).expect("builds");
             blas.validate().expect("valid");

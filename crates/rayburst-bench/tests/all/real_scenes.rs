@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use rayburst_accel::{AcceptAll, Blas, BuildOptions, TraceOptions, TriangleMesh};
+use rayburst_accel::{AcceptAll, Blas, BuildOptions, BuildQuality, TraceOptions, TriangleMesh};
 use rayburst_bench::FlatMesh;
 use rayburst_math::{Ray, hash::Rng, warp};
 use rayburst_scene::import::{LoadOptions, load};
@@ -46,7 +46,6 @@ fn real_scenes_answer_as_brute_force_does() {
         let mesh = FlatMesh::new(&scene).expect("fits 32-bit indices");
         drop(scene);
         let triangles = TriangleMesh::new(&mesh.positions, &mesh.indices);
-        let blas = Blas::build(&[triangles], &BuildOptions::default()).expect("builds");
         let oracle = Oracle::new(&mesh.positions, &mesh.indices);
         let bounds = mesh.bounds();
         let mut rng = Rng::new(5);
@@ -56,16 +55,21 @@ fn real_scenes_answer_as_brute_force_does() {
                 Ray::new(origin, warp::uniform_sphere(rng.vec2()))
             })
             .collect();
-        rays.par_iter().for_each(|ray| {
-            let hit = blas.closest_hit(ray, &TraceOptions::default(), &AcceptAll);
-            if let Err(wrong) = oracle.verdict(ray).check_hit(&hit) {
-                panic!("{name}: {ray:?}: {hit:?}: {wrong}");
-            }
-            assert_eq!(
-                blas.any_hit(ray, &TraceOptions::default(), &AcceptAll),
-                hit.is_hit(),
-                "{name}: {ray:?}"
-            );
-        });
+        for quality in [BuildQuality::Balanced, BuildQuality::Best] {
+            let options = BuildOptions { quality, ..BuildOptions::default() };
+            let blas = Blas::build(&[triangles], &options).expect("builds");
+            blas.validate().expect("valid");
+            rays.par_iter().for_each(|ray| {
+                let hit = blas.closest_hit(ray, &TraceOptions::default(), &AcceptAll);
+                if let Err(wrong) = oracle.verdict(ray).check_hit(&hit) {
+                    panic!("{name}: {ray:?}: {hit:?}: {wrong}");
+                }
+                assert_eq!(
+                    blas.any_hit(ray, &TraceOptions::default(), &AcceptAll),
+                    hit.is_hit(),
+                    "{name}: {ray:?}"
+                );
+            });
+        }
     }
 }
