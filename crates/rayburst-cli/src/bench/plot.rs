@@ -58,15 +58,16 @@ pub(crate) fn draw(rows: &[Row]) -> Result<Rgb8Image> {
 fn head(canvas: &mut Canvas, row: &Row) {
     let machine = &row.machine;
     let threads = if row.threads == 1 { "thread" } else { "threads" };
-    let what = if row.bench == "rays" { "Rays" } else { "Builds" };
+    let (what, own, peer) = match row.bench {
+        "rays" => ("Rays", "Rayburst, its fastest way", "the best peer"),
+        _ => ("Builds", "Rayburst, by preset", "the peer's build of the same kind"),
+    };
     canvas.heading(
         &format!("{what}, {}, {} {threads}", row.unit, row.threads),
         &format!("{} · {} · {}", machine.machine, machine.isa, machine.date),
     );
     let mut at = Vec2::new(MARGIN, 74.0);
-    for (ink, text, width) in
-        [(OWN_INK, "Rayburst, its fastest way", 200.0), (PEER_INK, "the best peer", 140.0)]
-    {
+    for (ink, text, width) in [(OWN_INK, own, 200.0), (PEER_INK, peer, 0.0)] {
         rectangle(canvas, at - Vec2::new(0.0, 9.0), Vec2::splat(10.0), ink);
         let place = at + Vec2::new(16.0, 0.0);
         canvas.text(place, text, 12.0, ink::BLACK, Anchor::Start, Style::Plain);
@@ -186,7 +187,7 @@ fn below_and_above(
     put(bottom + 14.0, &group.label, 10.0, ink::BLACK, Style::Plain);
     // Without the engine's name, which the colours tell.
     let short = |bar: &Bar| bar.engine.split_once(':').map_or("", |(_, rest)| rest).to_owned();
-    if let Some(own) = &group.own {
+    if let Some(own) = group.own.as_ref().filter(|own| short(own) != group.label) {
         put(bottom + 26.0, &short(own), 8.0, OWN_INK, Style::Plain);
     }
     if let Some(peer) = &group.peer {

@@ -81,10 +81,11 @@ impl Geometry {
         Ok((scene, time, self.embree.memory() - before))
     }
 
-    /// Builds a scene whose mesh is going to move.
+    /// Builds a scene whose mesh is going to move. Only scenes of low quality keep a structure a mesh
+    /// that can be fitted anew; all others are rebuilt whole.
     pub fn build_refittable(&self) -> Result<RefitScene<'_>, BenchError> {
-        let medium = super::Quality::Medium as c_int;
-        let scene = self.scene(QUALITY_REFIT, medium, SCENE_DYNAMIC);
+        let low = super::Quality::Low as c_int;
+        let scene = self.scene(QUALITY_REFIT, low, SCENE_DYNAMIC);
         scene.commit();
         self.embree.check("building")?;
         Ok(RefitScene { geometry: self, scene })
