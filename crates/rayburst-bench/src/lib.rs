@@ -1,7 +1,7 @@
 //! Measurements: identical rays through Rayburst and its peers, in one process, interleaved.
 //!
-//! Peers are loaded at run time; nothing here is linked against them. The only `unsafe` is in
-//! [`peers`], at the foreign interface.
+//! Peers are loaded at run time; only with the feature `peers` are other crates linked. The only
+//! `unsafe` is in [`peers`], at the foreign interface.
 
 pub mod builds;
 pub mod engine;

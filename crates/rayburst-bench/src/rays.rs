@@ -154,6 +154,8 @@ fn build(mesh: &FlatMesh, options: &RayBench) -> Result<Vec<Box<dyn Engine>>, Be
                 };
                 engines.push(Box::new(EmbreeEngine::new(scene, config)));
             }
+            #[cfg(feature = "peers")]
+            EngineSpec::Obvhs => engines.push(Box::new(crate::peers::obvhs::Obvhs::build(mesh))),
         }
     }
     Ok(engines)

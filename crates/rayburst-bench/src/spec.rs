@@ -14,6 +14,9 @@ pub enum EngineSpec {
     Rayburst(Preset, Mode),
     /// `embree:QUALITY:WIDTH[:coherent][:robust][:compact]`.
     Embree(Config),
+    /// `obvhs:cwbvh`.
+    #[cfg(feature = "peers")]
+    Obvhs,
 }
 
 /// The form of Embree's names, for messages.
@@ -24,6 +27,8 @@ impl fmt::Display for EngineSpec {
         match self {
             Self::Rayburst(preset, mode) => write!(f, "rayburst:{}:{}", preset.name, mode.name()),
             Self::Embree(config) => config.fmt(f),
+            #[cfg(feature = "peers")]
+            Self::Obvhs => f.write_str(crate::peers::obvhs::NAME),
         }
     }
 }
@@ -34,7 +39,7 @@ impl EngineSpec {
     pub fn usual(presets: &[Preset], modes: &[Mode]) -> Vec<Self> {
         let own = presets.iter().flat_map(|p| modes.iter().map(|m| Self::Rayburst(*p, *m)));
         let embree = Config::DEFAULT.iter().filter_map(|name| Config::from_name(name));
-        own.chain(embree.map(Self::Embree)).collect()
+        own.chain(embree.map(Self::Embree)).chain(Self::crates()).collect()
     }
 
     /// Every engine there is.
@@ -42,7 +47,15 @@ impl EngineSpec {
         let own = Preset::ALL.into_iter().flat_map(|preset| {
             Mode::ALL.into_iter().map(move |(_, mode)| Self::Rayburst(preset, mode))
         });
-        own.chain(Config::all().into_iter().map(Self::Embree)).collect()
+        own.chain(Config::all().into_iter().map(Self::Embree)).chain(Self::crates()).collect()
+    }
+
+    /// Peers that are crates.
+    fn crates() -> Vec<Self> {
+        #[cfg(feature = "peers")]
+        return vec![Self::Obvhs];
+        #[cfg(not(feature = "peers"))]
+        Vec::new()
     }
 
     /// Whether a peer's shared library must be named.
@@ -91,6 +104,8 @@ mod tests {
             named("rayburst:balanced"),
             ["rayburst:balanced:auto", "rayburst:balanced:call"]
         );
+        #[cfg(feature = "peers")]
+        assert_eq!(named("obvhs"), ["obvhs:cwbvh"]);
         assert_eq!(named("embree").len(), Config::DEFAULT.len());
         assert_eq!(named("embree:low:8:r"), ["embree:low:8:robust", "embree:low:8:robust:compact"]);
         assert!(named("embre:medium").is_empty());
