@@ -143,7 +143,7 @@ fn ratios(out: &mut String, rows: &[&Value]) {
         let _ = writeln!(out, "`{name}` over {against}:\n");
         let mut head = vec!["scene".to_owned()];
         head.extend(sets.iter().map(|set| set.replace('_', " ")));
-        let lines: Vec<Vec<String>> = distinct(own.iter().map(|row| text(row, "scene")))
+        let mut lines: Vec<Vec<String>> = distinct(own.iter().map(|row| text(row, "scene")))
             .into_iter()
             .map(|place| {
                 let here: Vec<&&&Value> =
@@ -157,6 +157,15 @@ fn ratios(out: &mut String, rows: &[&Value]) {
                 std::iter::once(title).chain(sets.iter().map(cell)).collect()
             })
             .collect();
+        if own.iter().any(|row| text(row, "scene") == MEAN) {
+            let least = |set: &&str| {
+                let of_set = own
+                    .iter()
+                    .filter(|row| text(row, "ray_set") == *set && text(row, "scene") != MEAN);
+                shown(of_set.filter_map(|row| value(row)).reduce(f64::min))
+            };
+            lines.push(std::iter::once("least".to_owned()).chain(sets.iter().map(least)).collect());
+        }
         table(out, &head, &lines, 1);
     }
 }
@@ -290,6 +299,7 @@ Measured on 2026-01-31 · Some CPU · 2 hardware threads · avx2 · medians of 5
 | sponza | 2.00 |
 | city | 0.50 |
 | **geometric mean** | **1.00** |
+| least | 0.50 |
 
 `rayburst:fast:call` over the fastest peer that takes one ray a call:
 

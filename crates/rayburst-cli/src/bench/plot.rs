@@ -31,7 +31,7 @@ struct Panel {
 }
 
 /// Sizes in points.
-const PANEL: Vec2 = Vec2::new(500.0, 250.0);
+const PANEL: Vec2 = Vec2::new(640.0, 260.0);
 const MARGIN: f32 = 24.0;
 const HEAD: f32 = 92.0;
 const OWN_INK: Ink = ink::BLUE;
@@ -76,10 +76,10 @@ fn head(canvas: &mut Canvas, row: &Row) {
 }
 
 /// What is drawn: of each scene and ray set the best peer and the fastest of this engine's ways; of
-/// builds each preset beside its peer.
+/// builds each preset beside its peer; of means the best of this engine's beside 1.
 fn panels(rows: &[Row]) -> Vec<Panel> {
     let mut panels: Vec<Panel> = Vec::new();
-    let drawn = |row: &&Row| row.scene != GEOMETRIC_MEAN && row.unit != "B/tri";
+    let drawn = |row: &&Row| row.unit != "B/tri" && row.ratio_of != Some("B/tri");
     for row in rows.iter().filter(drawn) {
         let engine = row.engine.clone().unwrap_or_default();
         let is_own = engine.starts_with("rayburst:");
@@ -89,7 +89,9 @@ fn panels(rows: &[Row]) -> Vec<Panel> {
             None if is_own => engine.trim_start_matches("rayburst:").to_owned(),
             None => continue,
         };
-        let title = super::short_name(&row.scene).to_owned();
+        let is_mean = row.scene == GEOMETRIC_MEAN;
+        let title =
+            super::short_name(&row.scene).to_owned() + if is_mean { " of the ratios" } else { "" };
         let panel = match panels.iter_mut().position(|panel| panel.title == title) {
             Some(index) => &mut panels[index],
             None => {
@@ -114,7 +116,9 @@ fn panels(rows: &[Row]) -> Vec<Panel> {
         } else if row.best_peer {
             group.peer = Some(bar);
         }
-        if row.bench == "build" {
+        if is_mean {
+            group.peer = Some(Bar { engine: String::new(), value: 1.0 });
+        } else if row.bench == "build" {
             let peer = row.peer.as_ref().and_then(|name| {
                 let same = |r: &&Row| {
                     r.scene == row.scene && r.unit == row.unit && r.engine.as_ref() == Some(name)
@@ -265,6 +269,26 @@ mod tests {
         assert_eq!(group.label, "fast");
         assert_eq!(group.own.as_ref().map(|bar| bar.value), Some(9.0));
         assert_eq!(group.peer.as_ref().map(|bar| bar.value), Some(6.0));
+    }
+
+    #[test]
+    fn means_stand_beside_one() {
+        let mean = |engine: &str, value, of| Row {
+            scene: GEOMETRIC_MEAN.into(),
+            unit: "ratio",
+            ratio_of: Some(of),
+            ..row("ao", engine, value, false)
+        };
+        let rows = [
+            mean("rayburst:fast:auto", 1.25, "Mrays/s"),
+            mean("rayburst:fast:call", 1.0, "Mrays/s"),
+            mean("rayburst:fast", 3.0, "B/tri"),
+        ];
+        let panels = panels(&rows);
+        assert_eq!((panels.len(), panels[0].title.as_str()), (1, "geometric mean of the ratios"));
+        let values = [&panels[0].groups[0].own, &panels[0].groups[0].peer]
+            .map(|bar| bar.as_ref().map(|bar| bar.value));
+        assert_eq!(values, [Some(1.25), Some(1.0)]);
     }
 
     #[test]
