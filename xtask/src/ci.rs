@@ -12,6 +12,7 @@ pub(crate) fn run() -> Result<(), String> {
     step("cargo fmt --all --check", &[])?;
     tidy::run()?;
     step("cargo clippy --workspace --all-targets -- -D warnings", &[])?;
+    step("cargo clippy -p rayburst-cli --features bench-peers --all-targets -- -D warnings", &[])?;
     step("cargo doc --workspace --no-deps", &[("RUSTDOCFLAGS", "-D warnings")])?;
     let readme = std::fs::read_to_string("README.md").map_err(|e| format!("README.md: {e}"))?;
     if !readme.lines().any(|line| line.trim() == TEST_COMMAND) {

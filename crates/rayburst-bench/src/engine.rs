@@ -1,7 +1,11 @@
 //! What is measured: anything that answers batches of rays.
 
-use rayburst_accel::{AcceptAll, Blas, TraceOptions};
+use std::sync::Arc;
+
+use rayburst_accel::{AcceptAll, Blas, BuildOptions, BuildQuality, TraceOptions};
 use rayburst_math::{Hit, Ray};
+
+use crate::peers::embree::Quality;
 
 /// What is asked of the rays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,34 +22,114 @@ pub trait Engine: Sync {
     fn name(&self) -> String;
     /// Whether the engine is one to be compared with.
     fn is_peer(&self) -> bool;
-    /// Answers a batch on the calling thread; returns how many rays hit. The answers are stored in
-    /// `hits` (`Closest`) or `occluded` (`Any`), as a renderer would.
+    /// Whether each ray is a call of its own.
+    fn takes_single_rays(&self) -> bool;
+    /// Answers a batch on the calling thread. The answers are stored in `hits` (`Closest`) or
+    /// `occluded` (`Any`), as a renderer would.
     fn trace(&self, query: Query, rays: &[Ray], hits: &mut [Hit], occluded: &mut [bool]);
 }
 
+/// A build preset of Rayburst.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Preset {
+    /// Its name.
+    pub name: &'static str,
+    /// What it asks of the build.
+    pub quality: BuildQuality,
+    /// The builder that it uses.
+    pub builder: &'static str,
+    /// Embree's build quality that makes the same trade.
+    pub embree: Quality,
+}
+
+impl Preset {
+    /// All presets.
+    pub const ALL: [Self; 2] = [
+        Self {
+            name: "fast",
+            quality: BuildQuality::Fast,
+            builder: "binned-sah",
+            embree: Quality::Low,
+        },
+        Self {
+            name: "balanced",
+            quality: BuildQuality::Balanced,
+            builder: "binned-sah",
+            embree: Quality::Medium,
+        },
+    ];
+
+    /// Options of a build.
+    pub fn options(&self) -> BuildOptions {
+        BuildOptions { quality: self.quality, ..BuildOptions::default() }
+    }
+}
+
+/// How Rayburst is asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// Batches, traced as the library sees fit.
+    Auto,
+    /// One call a ray.
+    Call,
+}
+
+impl Mode {
+    /// All modes with their names.
+    pub const ALL: [(&'static str, Self); 2] = [("auto", Self::Auto), ("call", Self::Call)];
+
+    /// The mode's name.
+    pub fn name(self) -> &'static str {
+        Self::ALL.iter().find(|(_, mode)| *mode == self).map_or("", |(name, _)| name)
+    }
+
+    /// Options of the queries.
+    fn options(self) -> TraceOptions {
+        match self {
+            Self::Auto | Self::Call => TraceOptions::default(),
+        }
+    }
+}
+
 /// Rayburst's own structure.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Rayburst {
     /// The structure.
-    pub blas: Blas,
-    /// Name of the build preset.
-    pub preset: &'static str,
+    pub blas: Arc<Blas>,
+    /// How it was built.
+    pub preset: Preset,
+    /// How it is asked.
+    pub mode: Mode,
 }
 
 impl Engine for Rayburst {
     fn name(&self) -> String {
-        format!("rayburst:{}:auto", self.preset)
+        format!("rayburst:{}:{}", self.preset.name, self.mode.name())
     }
 
     fn is_peer(&self) -> bool {
         false
     }
 
+    fn takes_single_rays(&self) -> bool {
+        self.mode == Mode::Call
+    }
+
     fn trace(&self, query: Query, rays: &[Ray], hits: &mut [Hit], occluded: &mut [bool]) {
-        let options = TraceOptions::default();
-        match query {
-            Query::Closest => self.blas.closest_hits(rays, hits, &options, &AcceptAll),
-            Query::Any => self.blas.any_hits(rays, occluded, &options, &AcceptAll),
+        let options = self.mode.options();
+        match (self.mode, query) {
+            (Mode::Call, Query::Closest) => {
+                for (ray, hit) in rays.iter().zip(hits) {
+                    *hit = self.blas.closest_hit(ray, &options, &AcceptAll);
+                }
+            }
+            (Mode::Call, Query::Any) => {
+                for (ray, occluded) in rays.iter().zip(occluded) {
+                    *occluded = self.blas.any_hit(ray, &options, &AcceptAll);
+                }
+            }
+            (_, Query::Closest) => self.blas.closest_hits(rays, hits, &options, &AcceptAll),
+            (_, Query::Any) => self.blas.any_hits(rays, occluded, &options, &AcceptAll),
         }
     }
 }

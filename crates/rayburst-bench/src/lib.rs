@@ -1,17 +1,26 @@
 //! Measurements: identical rays through Rayburst and its peers, in one process, interleaved.
 //!
-//! Peers are loaded at run time; nothing here is linked against them. The only `unsafe` is in
-//! [`peers`], at the foreign interface.
+//! Peers are loaded at run time; only with the feature `peers` are other crates linked. The only
+//! `unsafe` is in [`peers`], at the foreign interface.
 
+pub mod builds;
 pub mod engine;
+pub mod error;
 pub mod geometry;
+pub mod machine;
 pub mod peers;
 pub mod ray_sets;
 pub mod rays;
 pub mod row;
+pub mod spec;
+mod standing;
 
-pub use engine::{Engine, Query};
+pub use builds::{BuildBench, bench_builds};
+pub use engine::{Engine, Mode, Preset, Query};
+pub use error::BenchError;
 pub use geometry::FlatMesh;
+pub use machine::Machine;
 pub use ray_sets::{RaySet, RaySetKind};
-pub use rays::{BenchError, RayBench, bench_rays};
-pub use row::Row;
+pub use rays::{RayBench, bench_rays};
+pub use row::{Row, geometric_means};
+pub use spec::EngineSpec;

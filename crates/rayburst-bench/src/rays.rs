@@ -1,17 +1,20 @@
 //! `bench rays`: Mrays/s of every engine on every ray set of a scene.
 
-use std::{path::PathBuf, time::Instant};
+use std::{collections::HashMap, path::PathBuf, sync::Arc, time::Instant};
 
-use rayburst_accel::{Blas, BuildError, BuildOptions, TriangleMesh};
+use rayburst_accel::{Blas, TriangleMesh};
 use rayburst_math::Hit;
 use rayburst_scene::Camera;
 use rayon::prelude::*;
 
 use crate::{
-    Engine, FlatMesh, Query, RaySet, RaySetKind, Row,
-    engine::Rayburst,
-    peers::embree::{Embree, Quality},
+    BenchError, Engine, EngineSpec, FlatMesh, Query, RaySet, RaySetKind, Row,
+    engine::{Mode, Preset, Rayburst},
+    error,
+    machine::Machine,
+    peers::embree::{Embree, EmbreeEngine},
     ray_sets::ray_sets,
+    standing::{Rate, standings},
 };
 
 /// What to measure.
@@ -27,62 +30,25 @@ pub struct RayBench {
     pub size: u32,
     /// Embree's shared library.
     pub embree: Option<PathBuf>,
+    /// Which engines.
+    pub engines: Vec<EngineSpec>,
     /// Which sets.
     pub sets: Vec<RaySetKind>,
 }
 
 impl Default for RayBench {
     fn default() -> Self {
+        let presets = Preset::ALL.iter();
         Self {
             threads: 1,
             repeats: 5,
             seconds: 0.5,
             size: 1024,
             embree: None,
+            engines: presets.map(|p| EngineSpec::Rayburst(*p, Mode::Auto)).collect(),
             sets: RaySetKind::ALL.map(|(_, kind)| kind).to_vec(),
         }
     }
-}
-
-/// Why nothing was measured.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum BenchError {
-    /// A peer's library cannot be used.
-    #[error("cannot use the peer library {path}: {reason}")]
-    Peer {
-        /// The library.
-        path: PathBuf,
-        /// What is wrong.
-        reason: String,
-    },
-    /// The structure cannot be built.
-    #[error("cannot build the acceleration structure: {0}")]
-    Build(#[from] BuildError),
-    /// There are no worker threads.
-    #[error("cannot start {threads} threads: {reason}")]
-    Threads {
-        /// How many were asked for.
-        threads: usize,
-        /// What the system says.
-        reason: String,
-    },
-    /// Engines disagree, so their speeds cannot be compared.
-    #[error("{scene}, {ray_set}: {engine} hits {hits} rays where {reference} hits {expected}")]
-    Disagreement {
-        /// Scene.
-        scene: String,
-        /// Ray set.
-        ray_set: &'static str,
-        /// The engine that differs.
-        engine: String,
-        /// Its number of hits.
-        hits: usize,
-        /// The engine it is compared with.
-        reference: String,
-        /// That one's number of hits.
-        expected: usize,
-    },
 }
 
 /// Rays a task: small enough to balance, large enough to be a batch.
@@ -96,32 +62,28 @@ pub fn bench_rays(
     options: &RayBench,
     report: &mut dyn FnMut(&Row),
 ) -> Result<Vec<Row>, BenchError> {
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(options.threads)
-        .build()
-        .map_err(|e| BenchError::Threads { threads: options.threads, reason: e.to_string() })?;
-    let triangles = TriangleMesh::new(&mesh.positions, &mesh.indices);
-    let blas = Blas::build(&[triangles], &BuildOptions::default())?;
-    let sets = ray_sets(mesh, &blas, camera, options.size);
-    let mut engines: Vec<Box<dyn Engine>> = vec![Box::new(Rayburst { blas, preset: "balanced" })];
-    if let Some(path) = &options.embree {
-        let embree = Embree::load(path, options.threads)?;
-        engines.push(Box::new(embree.build(mesh, Quality::Medium, false)?));
-        engines.push(Box::new(embree.build(mesh, Quality::High, false)?));
-        engines.push(Box::new(embree.build(mesh, Quality::Medium, true)?));
-    }
+    let pool = error::pool(options.threads)?;
+    let triangles = [TriangleMesh::new(&mesh.positions, &mesh.indices)];
+    // The rays do not depend on how the structure was built.
+    let reference = Blas::build(&triangles, &Preset::ALL[0].options())?;
+    let sets = pool.install(|| ray_sets(mesh, &reference, camera, options.size));
+    drop(reference);
+    let engines = build(mesh, options)?;
+    let machine = Machine::here();
     let mut rows = Vec::new();
     for set in sets.iter().filter(|s| options.sets.contains(&s.kind) && !s.rays.is_empty()) {
         let measured = pool.install(|| measure(set, &engines, options));
         check_agreement(name, set, &engines, &measured)?;
-        let median = |m: &Measured| m.rates[m.rates.len() / 2];
-        let best_peer = engines
+        let rates: Vec<Rate> = engines
             .iter()
             .zip(&measured)
-            .filter(|(engine, _)| engine.is_peer())
-            .map(|(_, m)| median(m))
-            .fold(0.0, f64::max);
-        for (engine, m) in engines.iter().zip(&measured) {
+            .map(|(engine, m)| Rate {
+                rate: m.median(),
+                is_peer: engine.is_peer(),
+                is_single: engine.takes_single_rays(),
+            })
+            .collect();
+        for ((engine, m), standing) in engines.iter().zip(&measured).zip(standings(&rates)) {
             let row = Row {
                 bench: "rays",
                 scene: name.to_owned(),
@@ -129,14 +91,19 @@ pub fn bench_rays(
                 ray_set: Some(set.kind.name()),
                 engine: Some(engine.name()),
                 threads: options.threads,
-                value: median(m),
+                value: m.median(),
                 unit: "Mrays/s",
-                ratio: (!engine.is_peer() && best_peer > 0.0).then(|| median(m) / best_peer),
+                ratio: standing.ratio,
+                peer: standing.against.map(|index| engines[index].name()),
+                single_ratio: standing.single_ratio,
+                best_peer: standing.is_best_peer,
                 repeats: m.rates.len(),
                 min: m.rates[0],
                 max: m.rates[m.rates.len() - 1],
                 rays: Some(set.rays.len()),
                 hits: Some(m.hits),
+                machine: machine.clone(),
+                ..Row::default()
             };
             report(&row);
             rows.push(row);
@@ -145,70 +112,127 @@ pub fn bench_rays(
     Ok(rows)
 }
 
+/// Builds what the engines need; those that differ only in how they trace share a structure.
+fn build(mesh: &FlatMesh, options: &RayBench) -> Result<Vec<Box<dyn Engine>>, BenchError> {
+    let mut engines: Vec<Box<dyn Engine>> = Vec::new();
+    let mut own = HashMap::new();
+    let mut geometry = None;
+    let mut scenes = HashMap::new();
+    for spec in &options.engines {
+        match *spec {
+            EngineSpec::Rayburst(preset, mode) => {
+                let blas = match own.get(preset.name) {
+                    Some(blas) => Arc::clone(blas),
+                    None => {
+                        let triangles = TriangleMesh::new(&mesh.positions, &mesh.indices);
+                        let blas = Arc::new(Blas::build(&[triangles], &preset.options())?);
+                        own.insert(preset.name, blas.clone());
+                        blas
+                    }
+                };
+                engines.push(Box::new(Rayburst { blas, preset, mode }));
+            }
+            EngineSpec::Embree(config) => {
+                let geometry = match &mut geometry {
+                    Some(geometry) => geometry,
+                    None => {
+                        let path = options
+                            .embree
+                            .as_ref()
+                            .ok_or_else(|| BenchError::NoLibrary { engine: config.to_string() })?;
+                        let embree = Embree::load(path, options.threads)?;
+                        geometry.insert(embree.geometry(mesh)?)
+                    }
+                };
+                let scene = match scenes.get(&config.scene) {
+                    Some(scene) => Arc::clone(scene),
+                    None => {
+                        let scene = Arc::new(geometry.build(config.scene)?.0);
+                        scenes.insert(config.scene, scene.clone());
+                        scene
+                    }
+                };
+                engines.push(Box::new(EmbreeEngine::new(scene, config)));
+            }
+            #[cfg(feature = "peers")]
+            EngineSpec::Obvhs => engines.push(Box::new(crate::peers::obvhs::Obvhs::build(mesh))),
+        }
+    }
+    Ok(engines)
+}
+
 struct Measured {
     /// Mrays/s of each timed run, ascending.
     rates: Vec<f64>,
     hits: usize,
 }
 
+impl Measured {
+    fn median(&self) -> f64 {
+        self.rates[self.rates.len() / 2]
+    }
+}
+
+/// Where the answers go.
+struct Answers {
+    hits: Vec<Hit>,
+    occluded: Vec<bool>,
+}
+
+impl Answers {
+    /// Traces all rays once, in tasks on the pool.
+    fn trace(&mut self, engine: &dyn Engine, query: Query, set: &RaySet) {
+        set.rays
+            .par_chunks(BATCH)
+            .zip(self.hits.par_chunks_mut(BATCH))
+            .zip(self.occluded.par_chunks_mut(BATCH))
+            .for_each(|((rays, hits), occluded)| engine.trace(query, rays, hits, occluded));
+    }
+
+    /// How many rays an engine hits.
+    fn count(&mut self, engine: &dyn Engine, query: Query, set: &RaySet) -> usize {
+        self.hits.fill(Hit::MISS);
+        self.occluded.fill(false);
+        self.trace(engine, query, set);
+        match query {
+            Query::Closest => self.hits.iter().filter(|h| h.is_hit()).count(),
+            Query::Any => self.occluded.iter().filter(|&&o| o).count(),
+        }
+    }
+}
+
 /// Interleaves the engines: one timed run of each, again and again.
 fn measure(set: &RaySet, engines: &[Box<dyn Engine>], options: &RayBench) -> Vec<Measured> {
     let query = if set.kind.is_any_hit() { Query::Any } else { Query::Closest };
-    let mut hits = vec![Hit::MISS; set.rays.len()];
-    let mut occluded = vec![false; set.rays.len()];
-    let mut pass = |engine: &dyn Engine| {
-        set.rays
-            .par_chunks(BATCH)
-            .zip(hits.par_chunks_mut(BATCH))
-            .zip(occluded.par_chunks_mut(BATCH))
-            .for_each(|((rays, hits), occluded)| engine.trace(query, rays, hits, occluded));
-    };
-    // Warm-up, which also says how many passes a timed run needs.
-    let passes: Vec<usize> = engines
+    let count = set.rays.len();
+    let mut answers = Answers { hits: vec![Hit::MISS; count], occluded: vec![false; count] };
+    // Counting is the warm-up, and touches all memory.
+    let mut measured: Vec<Measured> = engines
         .iter()
-        .map(|engine| {
-            pass(engine.as_ref());
-            let start = Instant::now();
-            pass(engine.as_ref());
-            (options.seconds / start.elapsed().as_secs_f64().max(1e-6)).ceil().max(1.0) as usize
+        .map(|engine| Measured {
+            rates: Vec::with_capacity(options.repeats),
+            hits: answers.count(engine.as_ref(), query, set),
         })
         .collect();
-    let mut rates = vec![Vec::with_capacity(options.repeats); engines.len()];
     for _ in 0..options.repeats {
-        for ((engine, &passes), rates) in engines.iter().zip(&passes).zip(&mut rates) {
+        for (engine, m) in engines.iter().zip(&mut measured) {
             let start = Instant::now();
-            for _ in 0..passes {
-                pass(engine.as_ref());
-            }
-            let seconds = start.elapsed().as_secs_f64();
-            rates.push((set.rays.len() * passes) as f64 / seconds / 1e6);
+            let mut passes = 0;
+            let seconds = loop {
+                answers.trace(engine.as_ref(), query, set);
+                passes += 1;
+                let seconds = start.elapsed().as_secs_f64();
+                if seconds >= options.seconds {
+                    break seconds;
+                }
+            };
+            m.rates.push((count * passes) as f64 / seconds.max(1e-9) / 1e6);
         }
     }
-    let counts: Vec<usize> = engines
-        .iter()
-        .map(|engine| {
-            hits.fill(Hit::MISS);
-            occluded.fill(false);
-            let engine = engine.as_ref();
-            set.rays
-                .par_chunks(BATCH)
-                .zip(hits.par_chunks_mut(BATCH))
-                .zip(occluded.par_chunks_mut(BATCH))
-                .for_each(|((rays, hits), occluded)| engine.trace(query, rays, hits, occluded));
-            match query {
-                Query::Closest => hits.iter().filter(|h| h.is_hit()).count(),
-                Query::Any => occluded.iter().filter(|&&o| o).count(),
-            }
-        })
-        .collect();
-    rates
-        .into_iter()
-        .zip(counts)
-        .map(|(mut rates, hits)| {
-            rates.sort_by(f64::total_cmp);
-            Measured { rates, hits }
-        })
-        .collect()
+    for m in &mut measured {
+        m.rates.sort_by(f64::total_cmp);
+    }
+    measured
 }
 
 /// Hit counts may differ by rays through edges that a test without watertightness loses, and by

@@ -1,5 +1,6 @@
 //! The command line's verbs and options.
 
+pub(crate) mod bench;
 pub(crate) mod render;
 pub(crate) mod scene;
 pub(crate) mod values;
@@ -31,6 +32,6 @@ pub(crate) enum Verb {
     Compare(verbs::CompareArgs),
     Inspect(Box<verbs::InspectArgs>),
     Figure(verbs::FigureArgs),
-    Bench(verbs::BenchArgs),
+    Bench(bench::BenchArgs),
     Completions(verbs::CompletionsArgs),
 }

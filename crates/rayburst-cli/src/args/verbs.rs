@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use rayburst::{image::metrics::Metric, math::SamplerKind};
-use rayburst_bench::RaySetKind;
 
 use super::{
     scene::{CameraArgs, InstantArgs, LightArgs, SceneArgs},
@@ -92,83 +91,6 @@ pub(crate) struct MetricList(pub(crate) Vec<Metric>);
 
 fn metrics(given: &str) -> Result<MetricList, String> {
     values::choices("metric", &Metric::ALL, given).map(MetricList)
-}
-
-/// Measure speed.
-#[derive(clap::Args, Clone, Debug)]
-#[command(after_help = "\
-Example:
-  rayburst bench rays sponza.gltf --peer embree=libembree4.so.4 --json rays.json")]
-pub(crate) struct BenchArgs {
-    #[command(subcommand)]
-    pub(crate) kind: BenchKind,
-}
-
-/// What to measure.
-#[derive(clap::Subcommand, Clone, Debug)]
-pub(crate) enum BenchKind {
-    Rays(Box<BenchRaysArgs>),
-}
-
-/// Rays a second, by ray set, of this engine and of peers on the same geometry.
-#[derive(clap::Args, Clone, Debug)]
-#[command(after_help = "\
-Examples:
-  rayburst bench rays cornell city
-  rayburst bench rays sponza.gltf --peer embree=libembree4.so.4 --threads 2 --json rays.json")]
-pub(crate) struct BenchRaysArgs {
-    /// Files or built-in scenes
-    #[arg(value_name = "SCENE", default_value = rayburst::scene::builtin::DEFAULT)]
-    pub(crate) scenes: Vec<String>,
-    /// A peer's shared library to measure beside: embree=PATH
-    #[arg(long, value_name = "NAME=PATH", value_parser = peer)]
-    pub(crate) peer: Option<Peer>,
-    /// Timed runs of each pair; the median counts
-    #[arg(long, value_name = "N", default_value_t = 5,
-          value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1000))]
-    pub(crate) repeat: usize,
-    /// Least length of a timed run
-    #[arg(long, value_name = "S", default_value = "0.5", value_parser = values::positive)]
-    pub(crate) seconds: f32,
-    /// Side of the square picture whose eye rays are traced
-    #[arg(long, value_name = "N", default_value_t = 1024,
-          value_parser = clap::value_parser!(u32).range(8..=8192))]
-    pub(crate) resolution: u32,
-    /// Ray sets, with commas [default: all]
-    #[arg(long, value_name = "LIST", value_parser = ray_sets)]
-    pub(crate) sets: Option<RaySetList>,
-    /// Threads that trace [default: 1]
-    #[arg(long, value_name = "N", value_parser = values::threads)]
-    pub(crate) threads: Option<usize>,
-    /// File for the rows
-    #[arg(long, value_name = "FILE")]
-    pub(crate) json: Option<PathBuf>,
-    #[command(flatten)]
-    pub(crate) instant: InstantArgs,
-    #[command(flatten)]
-    pub(crate) camera: CameraArgs,
-}
-
-/// A list of ray sets.
-#[derive(Clone, Debug)]
-pub(crate) struct RaySetList(pub(crate) Vec<RaySetKind>);
-
-fn ray_sets(given: &str) -> Result<RaySetList, String> {
-    values::choices("ray set", &RaySetKind::ALL, given).map(RaySetList)
-}
-
-/// The library of a peer.
-#[derive(Clone, Debug)]
-pub(crate) struct Peer(pub(crate) PathBuf);
-
-fn peer(given: &str) -> Result<Peer, String> {
-    match given.split_once('=') {
-        Some(("embree", path)) if !path.is_empty() => Ok(Peer(path.into())),
-        Some((name, _)) if name != "embree" => {
-            Err(crate::names::unknown("peer", name, &["embree"]))
-        }
-        _ => Err("a peer is NAME=PATH, such as embree=libembree4.so.4".into()),
-    }
 }
 
 /// Tell the paths of one pixel, vertex by vertex: rays, hits, materials, lights, densities.

@@ -2,7 +2,7 @@
 //! property that it demonstrates as a number.
 
 mod camera_frame;
-mod canvas;
+pub(crate) mod canvas;
 mod depth_of_field;
 mod ray_tree;
 mod refraction_tree;

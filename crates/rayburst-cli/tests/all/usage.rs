@@ -2,8 +2,18 @@
 
 use crate::program::{Place, Ran, command};
 
-const VERBS: [&str; 8] =
-    ["render", "info", "scenes", "compare", "figure", "inspect", "bench rays", "completions"];
+const VERBS: [&str; 10] = [
+    "render",
+    "info",
+    "scenes",
+    "compare",
+    "figure",
+    "inspect",
+    "bench",
+    "bench rays",
+    "bench build",
+    "completions",
+];
 
 #[test]
 fn every_verb_has_help_with_an_example() {
@@ -46,6 +56,12 @@ fn unknown_names_list_the_known_ones_and_the_nearest() {
         ("compare a.png b.png --metric flp", vec!["flip", "ssim"]),
         ("bench rays --peer embre=x", vec!["embree"]),
         ("bench rays --sets primry", vec!["primary"]),
+        ("bench rays --engines raybrst", vec!["rayburst:fast:auto", "embree:medium:1", "coherent"]),
+        ("bench rays --engines embree:best:1", vec!["embree:low|medium|high"]),
+        ("bench rays --engines embree:high:16", vec!["embree:high:16", "--peer embree="]),
+        ("bench rays --preset balancd", vec!["'balanced'", "fast"]),
+        ("bench rays --mode calls", vec!["'call'", "auto"]),
+        ("bench build --preset slow", vec!["fast, balanced"]),
         ("furnace:rough=1", vec![]),
     ] {
         let ran = place.run(line);
@@ -111,6 +127,12 @@ fn values_out_of_range_are_refused() {
         "figure 26.4 -o f.exr",
         "bench",
         "bench rays --repeat 0",
+        "bench rays --engines ,",
+        "bench rays --plot rays.jpg",
+        "bench build --repeat 0",
+        "bench build --seconds 0",
+        "bench build --threads 0",
+        "bench build --plot build.exr",
         "completions",
     ] {
         let ran = place.run(line);

@@ -95,6 +95,46 @@ fn rays_are_benchmarked() {
     let rows: serde_json::Value = serde_json::from_slice(&place.read("rows.json")).unwrap();
     assert_eq!(rows[0]["ray_set"], "primary");
     assert!(rows[0]["value"].as_f64().unwrap() > 0.0);
+    let engines = ["fast:auto", "fast:call", "balanced:auto", "balanced:call"];
+    let names = |rows: &serde_json::Value| -> Vec<String> {
+        let rows = rows.as_array().unwrap().iter();
+        rows.map(|row| row["engine"].as_str().unwrap().replace("rayburst:", "")).collect()
+    };
+    assert_eq!(names(&rows), [engines, engines].concat());
+    for row in rows.as_array().unwrap() {
+        for text in ["bench", "scene", "ray_set", "unit", "machine", "isa", "date"] {
+            assert!(row[text].is_string(), "{text}: {row}");
+        }
+        for number in ["threads", "repeats", "min", "max", "rays", "hits", "triangles"] {
+            assert!(row[number].is_number(), "{number}: {row}");
+        }
+        assert!(row.get("ratio").is_none() && row.get("best_peer").is_none());
+        assert_eq!(row["hits"], rows[if row["ray_set"] == "ao" { 4 } else { 0 }]["hits"]);
+    }
+    place.good(&format!("{line} --engines rayburst:fast --mode call --json few.json"));
+    let few: serde_json::Value = serde_json::from_slice(&place.read("few.json")).unwrap();
+    assert_eq!(names(&few), ["fast:call", "fast:call"]);
+    let complaint = place.bad(1, &format!("{line} --peer embree=missing.so"));
+    assert!(complaint.contains("missing.so"), "{complaint}");
+}
+
+#[test]
+fn builds_are_benchmarked() {
+    let place = Place::new();
+    let line = "bench build cornell spheres --repeat 1 --seconds 0.001";
+    let ran = place.good(&format!("{line} --json rows.json --plot bars.png"));
+    assert!(ran.stdout.contains("Mtri/s") && ran.stdout.contains("SAH cost"), "{ran:?}");
+    let rows: serde_json::Value = serde_json::from_slice(&place.read("rows.json")).unwrap();
+    let rows = rows.as_array().unwrap();
+    assert_eq!(rows.len(), 8, "two scenes, two presets, two figures");
+    for (row, unit) in rows.iter().zip(["Mtri/s", "B/tri"].iter().cycle()) {
+        assert_eq!((&row["bench"], &row["unit"]), (&"build".into(), &(*unit).into()));
+        assert_eq!(row["builder"], "binned-sah");
+        assert!(row["value"].as_f64().unwrap() > 0.0 && row["sah_cost"].as_f64().unwrap() > 0.0);
+        assert!(row["depth"].as_u64().unwrap() >= 1);
+        assert!(row.get("ratio").is_none(), "no peer: {row}");
+    }
+    assert!(place.read("bars.png").starts_with(b"\x89PNG"));
     let complaint = place.bad(1, &format!("{line} --peer embree=missing.so"));
     assert!(complaint.contains("missing.so"), "{complaint}");
 }

@@ -1,0 +1,170 @@
+//! Options of the benchmarks.
+
+use std::path::PathBuf;
+
+use rayburst_bench::{EngineSpec, Mode, Preset, RaySetKind, spec::EMBREE_NAMES};
+
+use super::{
+    scene::{CameraArgs, InstantArgs},
+    values,
+};
+
+/// Measure speed.
+#[derive(clap::Args, Clone, Debug)]
+#[command(after_help = "\
+Examples:
+  rayburst bench rays sponza.gltf --peer embree=libembree4.so.4 --json rays.json
+  rayburst bench build sponza.gltf --peer embree=libembree4.so.4")]
+pub(crate) struct BenchArgs {
+    #[command(subcommand)]
+    pub(crate) kind: BenchKind,
+}
+
+/// What to measure.
+#[derive(clap::Subcommand, Clone, Debug)]
+pub(crate) enum BenchKind {
+    Rays(Box<BenchRaysArgs>),
+    Build(Box<BenchBuildArgs>),
+}
+
+/// Rays a second, by ray set, of this engine and of peers on the same geometry.
+#[derive(clap::Args, Clone, Debug)]
+#[command(after_help = "\
+Examples:
+  rayburst bench rays cornell city
+  rayburst bench rays sponza.gltf --peer embree=libembree4.so.4 --threads 2 --json rays.json
+  rayburst bench rays city --peer embree=libembree4.so.4 --engines rayburst,embree:high --plot a.png")]
+pub(crate) struct BenchRaysArgs {
+    #[command(flatten)]
+    pub(crate) common: BenchCommonArgs,
+    /// Least length of a timed run
+    #[arg(long, value_name = "S", default_value = "0.5", value_parser = values::positive)]
+    pub(crate) seconds: f32,
+    /// Side of the square picture whose eye rays are traced
+    #[arg(long, value_name = "N", default_value_t = 1024,
+          value_parser = clap::value_parser!(u32).range(8..=8192))]
+    pub(crate) resolution: u32,
+    /// Ray sets, with commas [default: all]
+    #[arg(long, value_name = "LIST", value_parser = ray_sets)]
+    pub(crate) sets: Option<RaySetList>,
+    /// Engines by name or beginning of a name, with commas: rayburst:PRESET:MODE,
+    /// embree:QUALITY:WIDTH[:coherent][:robust][:compact] [default: the usual ones]
+    #[arg(long, value_name = "LIST", value_parser = engines)]
+    pub(crate) engines: Option<EngineNames>,
+    /// How this engine is asked, with commas; 'call' is one call a ray [default: auto,call]
+    #[arg(long, value_name = "LIST", value_parser = modes)]
+    pub(crate) mode: Option<ModeList>,
+    #[command(flatten)]
+    pub(crate) camera: CameraArgs,
+}
+
+/// Triangles a second, bytes a triangle and quality of builds, by preset.
+#[derive(clap::Args, Clone, Debug)]
+#[command(after_help = "\
+Examples:
+  rayburst bench build city
+  rayburst bench build sponza.gltf terrain --peer embree=libembree4.so.4 --json build.json")]
+pub(crate) struct BenchBuildArgs {
+    #[command(flatten)]
+    pub(crate) common: BenchCommonArgs,
+    /// Least length of a timed run; short builds are repeated
+    #[arg(long, value_name = "S", default_value = "0.2", value_parser = values::positive)]
+    pub(crate) seconds: f32,
+}
+
+/// What all benchmarks take.
+#[derive(clap::Args, Clone, Debug)]
+pub(crate) struct BenchCommonArgs {
+    /// Files or built-in scenes
+    #[arg(value_name = "SCENE", default_value = rayburst::scene::builtin::DEFAULT)]
+    pub(crate) scenes: Vec<String>,
+    /// A peer's shared library to measure beside: embree=PATH
+    #[arg(long, value_name = "NAME=PATH", value_parser = peer)]
+    pub(crate) peer: Option<Peer>,
+    /// Build presets of this engine, with commas [default: all]
+    #[arg(long, value_name = "LIST", value_parser = presets)]
+    pub(crate) preset: Option<PresetList>,
+    /// Timed runs of each engine; the median counts
+    #[arg(long, value_name = "N", default_value_t = 5,
+          value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1000))]
+    pub(crate) repeat: usize,
+    /// Threads that work [default: 1]
+    #[arg(long, value_name = "N", value_parser = values::threads)]
+    pub(crate) threads: Option<usize>,
+    /// File for the rows
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+    /// Picture of this engine's and the best peer's figures, a .png
+    #[arg(long, value_name = "FILE")]
+    pub(crate) plot: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) instant: InstantArgs,
+}
+
+impl BenchCommonArgs {
+    /// Presets asked for, or all.
+    pub(crate) fn presets(&self) -> &[Preset] {
+        self.preset.as_ref().map_or(&Preset::ALL, |list| &list.0)
+    }
+}
+
+/// A list of ray sets.
+#[derive(Clone, Debug)]
+pub(crate) struct RaySetList(pub(crate) Vec<RaySetKind>);
+
+fn ray_sets(given: &str) -> Result<RaySetList, String> {
+    values::choices("ray set", &RaySetKind::ALL, given).map(RaySetList)
+}
+
+/// Names of engines as typed; each means at least one.
+#[derive(Clone, Debug)]
+pub(crate) struct EngineNames(pub(crate) Vec<String>);
+
+fn engines(given: &str) -> Result<EngineNames, String> {
+    let names: Vec<&str> = given.split(',').map(str::trim).filter(|n| !n.is_empty()).collect();
+    for name in &names {
+        if EngineSpec::named(name, &[]).is_empty() {
+            let modes = Mode::ALL.map(|(_, mode)| mode);
+            let usual = EngineSpec::usual(&Preset::ALL, &modes);
+            let mut known: Vec<String> = usual.iter().map(ToString::to_string).collect();
+            known.push(EMBREE_NAMES.into());
+            let known: Vec<&str> = known.iter().map(String::as_str).collect();
+            return Err(crate::names::unknown("engine", name, &known));
+        }
+    }
+    if names.is_empty() {
+        return Err("no engine is named".into());
+    }
+    Ok(EngineNames(names.into_iter().map(str::to_owned).collect()))
+}
+
+/// A list of build presets.
+#[derive(Clone, Debug)]
+pub(crate) struct PresetList(pub(crate) Vec<Preset>);
+
+fn presets(given: &str) -> Result<PresetList, String> {
+    let all = Preset::ALL.map(|preset| (preset.name, preset));
+    values::choices("preset", &all, given).map(PresetList)
+}
+
+/// A list of modes.
+#[derive(Clone, Debug)]
+pub(crate) struct ModeList(pub(crate) Vec<Mode>);
+
+fn modes(given: &str) -> Result<ModeList, String> {
+    values::choices("mode", &Mode::ALL, given).map(ModeList)
+}
+
+/// The library of a peer.
+#[derive(Clone, Debug)]
+pub(crate) struct Peer(pub(crate) PathBuf);
+
+fn peer(given: &str) -> Result<Peer, String> {
+    match given.split_once('=') {
+        Some(("embree", path)) if !path.is_empty() => Ok(Peer(path.into())),
+        Some((name, _)) if name != "embree" => {
+            Err(crate::names::unknown("peer", name, &["embree"]))
+        }
+        _ => Err("a peer is NAME=PATH, such as embree=libembree4.so.4".into()),
+    }
+}
