@@ -11,7 +11,9 @@ use crate::{
     TraceOptions, TriangleMesh, ValidationReport,
     build::{
         binned_sah::BinnedSah,
+        morton::Keys,
         primitives::{self, MAX_PRIMITIVES},
+        triangle_keys,
     },
     layout::{
         bvh8::Bvh8,
@@ -37,6 +39,8 @@ pub struct Blas {
     isa: IsaLevel,
     /// Where each triangle's block is, made when first asked for.
     blocks: OnceLock<Vec<u32>>,
+    /// Triangles in no block, found when first asked for.
+    absent: OnceLock<Vec<u32>>,
 }
 
 impl Blas {
@@ -49,14 +53,20 @@ impl Blas {
         let isa = options.resolve_isa()?;
         let starts = number_triangles(geometries)?;
         let leaves = TriangleLeaves { geometries, starts: &starts[..geometries.len()] };
-        let (refs, inactive) = primitives::of_triangles(geometries, leaves.starts)?;
-        let primitives = refs.len();
-        let bins = match options.quality {
-            BuildQuality::Fast => 8,
-            BuildQuality::Balanced => 32,
+        let (tree, primitives) = match options.quality {
+            BuildQuality::Fast => {
+                let keys = triangle_keys::of_triangles(geometries, leaves.starts)?;
+                let keys = Keys::sort(keys);
+                (Bvh8::from_keys(&keys, &leaves)?, keys.len())
+            }
+            BuildQuality::Balanced => {
+                let refs = primitives::of_triangles(geometries, leaves.starts)?.0;
+                let primitives = refs.len();
+                let binary = BinnedSah { bins: 32, leaf_size: BLOCK }.build(refs);
+                (Bvh8::collapse(&binary, &leaves)?, primitives)
+            }
         };
-        let binary = BinnedSah { bins, leaf_size: BLOCK }.build(refs);
-        let tree = Bvh8::collapse(&binary, &leaves)?;
+        let inactive = starts[geometries.len()] as usize - primitives;
         let stats = BuildStats {
             primitives,
             inactive,
@@ -67,7 +77,7 @@ impl Blas {
             bytes: tree.bytes() + size_of_val(starts.as_slice()),
             seconds: begin.elapsed().as_secs_f64(),
         };
-        Ok(Self { tree, starts, stats, isa, blocks: OnceLock::new() })
+        Ok(Self { tree, starts, stats, isa, blocks: OnceLock::new(), absent: OnceLock::new() })
     }
 
     /// What the build made.
@@ -103,11 +113,11 @@ impl Blas {
         }
         let block = self.block(at);
         let lane = (0..BLOCK).find(|&l| TriangleId::of_lane(block, l).triangle() == triangle)?;
-        Some(
-            block
-                .vertices
-                .map(|corner| Vec3::new(corner[0][lane], corner[1][lane], corner[2][lane])),
-        )
+        let corners = block
+            .vertices
+            .map(|corner| Vec3::new(corner[0][lane], corner[1][lane], corner[2][lane]));
+        // A refit writes NaN where a triangle can no longer be hit.
+        corners[0].is_finite().then_some(corners)
     }
 
     /// Proves the structure: each triangle that can be hit reached once, boxes enclosing, references
@@ -123,6 +133,7 @@ impl Blas {
                 let block = self.block(value);
                 (0..BLOCK)
                     .filter(|&lane| TriangleId::of_lane(block, lane) != TriangleId::NONE)
+                    .filter(|&lane| !block.vertices[0][0][lane].is_nan())
                     .map(|lane| {
                         let bounds = Aabb::of_points(block.vertices.map(|corner| {
                             Vec3::new(corner[0][lane], corner[1][lane], corner[2][lane])
@@ -138,6 +149,45 @@ impl Blas {
     #[inline]
     pub(crate) fn locate(&self, triangle: u32) -> (u32, u32) {
         locate(&self.starts, triangle)
+    }
+
+    /// How many triangles a geometry has.
+    pub(crate) fn triangle_count(&self, geometry: usize) -> usize {
+        (self.starts[geometry + 1] - self.starts[geometry]) as usize
+    }
+
+    /// The tree, the numbers of the geometries' first triangles and of all, and the counts.
+    pub(crate) fn parts(&mut self) -> (&mut Bvh8, &[u32], &mut BuildStats) {
+        (&mut self.tree, &self.starts, &mut self.stats)
+    }
+
+    /// The triangles in no block: those that could not be hit when it was built.
+    pub(crate) fn absent(&self) -> &[u32] {
+        self.absent.get_or_init(|| {
+            if self.stats.inactive == 0 {
+                return vec![];
+            }
+            let blocks = self.blocks.get_or_init(|| self.index_blocks());
+            (0..blocks.len() as u32).filter(|&i| blocks[i as usize] == NO_BLOCK).collect()
+        })
+    }
+
+    /// How many triangles are in blocks, but cannot be hit since a refit.
+    pub(crate) fn count_hidden(&self) -> usize {
+        let mut hidden = vec![];
+        self.tree.for_each_leaf(|value| {
+            let block = self.block(value);
+            hidden.extend(
+                (0..BLOCK)
+                    .filter(|&lane| block.vertices[0][0][lane].is_nan())
+                    .map(|lane| TriangleId::of_lane(block, lane))
+                    .filter(|&id| id != TriangleId::NONE)
+                    .map(TriangleId::triangle),
+            );
+        });
+        hidden.sort_unstable();
+        hidden.dedup();
+        hidden.len()
     }
 
     fn block(&self, half_line: u32) -> &Triangles4 {
@@ -226,19 +276,25 @@ mod tests {
     }
 
     fn build(n: u32) -> Blas {
+        build_as(n, BuildQuality::default())
+    }
+
+    fn build_as(n: u32, quality: BuildQuality) -> Blas {
         let (positions, indices) = terrain(n);
         let mesh = TriangleMesh::new(&positions, &indices);
-        Blas::build(&[mesh], &BuildOptions::default()).unwrap()
+        Blas::build(&[mesh], &BuildOptions { quality, ..BuildOptions::default() }).unwrap()
     }
 
     #[test]
     fn the_bytes_do_not_depend_on_threads() {
-        let bytes = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| build(200)).tree.words().to_vec()
-        };
-        let one = bytes(1);
-        assert!(one == bytes(2) && one == bytes(7));
+        for quality in [BuildQuality::Fast, BuildQuality::Balanced] {
+            let bytes = |threads| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                pool.install(|| build_as(200, quality)).tree.words().to_vec()
+            };
+            let one = bytes(1);
+            assert!(one == bytes(2) && one == bytes(7));
+        }
     }
 
     #[test]

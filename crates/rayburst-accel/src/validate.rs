@@ -158,7 +158,8 @@ impl<P: Fn(u32) -> Vec<(u32, Aabb)>> Walk<'_, P> {
                 }
                 self.node(child, depth + 1)?
             };
-            if below.is_empty() || !bounds.contains_box(&below) {
+            // What a refit cannot hit any more has an empty box.
+            if below.is_empty() != bounds.is_empty() || !bounds.contains_box(&below) {
                 return Err(BvhDefect::NotEnclosing { node: at, slot: slot as u32 });
             }
             all = all.union(below);

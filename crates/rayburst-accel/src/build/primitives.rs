@@ -60,7 +60,7 @@ pub(crate) fn is_traceable(bounds: &Aabb) -> bool {
 ///
 /// The area is tested in `f64`, where edges and the products of their coordinates are exact for
 /// most `f32`: corners on one line give zero, not a sliver of rounding errors.
-fn active_bounds(corners: [Vec3; 3]) -> Option<Aabb> {
+pub(crate) fn active_bounds(corners: [Vec3; 3]) -> Option<Aabb> {
     let [a, b, c] = corners;
     // NaN would vanish in minima and maxima.
     if !(a.is_finite() && b.is_finite() && c.is_finite()) {
@@ -100,7 +100,7 @@ pub(crate) fn of_triangles(
     Ok((refs, inactive))
 }
 
-fn check_indices(geometry: usize, mesh: &TriangleMesh<'_>) -> Result<(), BuildError> {
+pub(crate) fn check_indices(geometry: usize, mesh: &TriangleMesh<'_>) -> Result<(), BuildError> {
     let vertices = mesh.positions.len();
     let outside =
         |corners: &[u32; 3]| corners[0].max(corners[1]).max(corners[2]) as usize >= vertices;

@@ -8,5 +8,6 @@ mod instances;
 mod meshes;
 mod oracle;
 mod oracle_tests;
+mod refit;
 mod rules;
 mod watertight;
