@@ -18,6 +18,10 @@ use crate::{BuildError, TriangleMesh, geometry::MAX_COORDINATE};
 /// Vertices or triangles of one task.
 const TASK: usize = 1 << 14;
 
+/// By how much a difference of products of edges may be off, relative to the products and absolute:
+/// each is off by less than 3·2⁻²⁴ of itself, unless it is too small for that.
+pub(crate) const AREA_ERROR: (f32, f32) = (1e-6, 1e-30);
+
 /// The corners of a triangle, w zero; `None` if it can never be hit.
 ///
 /// Decides as [`active_bounds`] does, and asks it if the area might be lost in rounding.
@@ -31,8 +35,7 @@ pub(crate) fn hittable(corners: [Vec3; 3]) -> Option<[Vec4; 3]> {
     let (p1, p2) = (yzx(p), zxy(p));
     let (q1, q2) = (yzx(q), zxy(q));
     let (first, second) = (p1 * q2, p2 * q1);
-    // Each product is off by less than 3·2⁻²⁴ of itself, unless it is too small for that.
-    let error = (first.abs() + second.abs()) * 1e-6 + Vec4::splat(1e-30);
+    let error = (first.abs() + second.abs()) * AREA_ERROR.0 + Vec4::splat(AREA_ERROR.1);
     let has_area = (first - second).abs().cmpgt(error);
     if inside.all() && has_area.any() {
         return Some([a, b, c]);
