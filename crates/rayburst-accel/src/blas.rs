@@ -12,8 +12,10 @@ use crate::{
     build::{
         binned_sah::BinnedSah,
         monitor::Monitor,
+        morton::Keys,
         primitives::{self, MAX_PRIMITIVES},
         sbvh::Sbvh,
+        triangle_keys,
     },
     layout::{
         bvh8::Bvh8,
@@ -39,6 +41,8 @@ pub struct Blas {
     isa: IsaLevel,
     /// Where each triangle's block is, made when first asked for.
     blocks: OnceLock<Vec<u32>>,
+    /// Triangles in no block, found when first asked for.
+    absent: OnceLock<Vec<u32>>,
 }
 
 impl Blas {
@@ -53,26 +57,43 @@ impl Blas {
         let leaves = TriangleLeaves { geometries, starts: &starts[..geometries.len()] };
         let monitor = Monitor::new(options.control);
         monitor.check()?;
-        let (refs, inactive) = primitives::of_triangles(geometries, leaves.starts)?;
-        let primitives = refs.len();
-        monitor.begin(primitives);
         let bins = match options.quality {
             BuildQuality::Fast => 8,
             BuildQuality::Balanced | BuildQuality::Best => 32,
         };
         let leaf_size = BLOCK;
-        let (binary, references) = match options.resolve_builder() {
-            Builder::BinnedSah => (BinnedSah { bins, leaf_size, monitor }.build(refs)?, primitives),
+        let references_of = || {
+            let (refs, _) = primitives::of_triangles(geometries, leaves.starts)?;
+            monitor.begin(refs.len());
+            Ok::<_, BuildError>(refs)
+        };
+        let (tree, primitives, references) = match options.resolve_builder() {
+            Builder::Lbvh => {
+                let keys = Keys::sort(triangle_keys::of_triangles(geometries, leaves.starts)?);
+                monitor.check()?;
+                (Bvh8::from_keys(&keys, &leaves)?, keys.len(), keys.len())
+            }
+            Builder::BinnedSah => {
+                let refs = references_of()?;
+                let primitives = refs.len();
+                let binary = BinnedSah { bins, leaf_size, monitor }.build(refs)?;
+                // A cancelled tree has leaves of any size.
+                monitor.check()?;
+                (Bvh8::collapse(&binary, &leaves)?, primitives, primitives)
+            }
             Builder::SpatialSplits => {
+                let refs = references_of()?;
+                let primitives = refs.len();
                 let budget = options.resolve_budget();
-                Sbvh { bins, leaf_size, budget, shapes: &leaves, monitor }.build(refs)?
+                let splits = Sbvh { bins, leaf_size, budget, shapes: &leaves, monitor };
+                let (binary, references) = splits.build(refs)?;
+                monitor.check()?;
+                (Bvh8::collapse(&binary, &leaves)?, primitives, references)
             }
         };
-        // A cancelled tree has leaves of any size.
-        monitor.check()?;
-        let tree = Bvh8::collapse(&binary, &leaves)?;
         monitor.check()?;
         monitor.finish();
+        let inactive = starts[geometries.len()] as usize - primitives;
         let stats = BuildStats {
             primitives,
             inactive,
@@ -84,7 +105,7 @@ impl Blas {
             bytes: tree.bytes() + size_of_val(starts.as_slice()),
             seconds: begin.elapsed().as_secs_f64(),
         };
-        Ok(Self { tree, starts, stats, isa, blocks: OnceLock::new() })
+        Ok(Self { tree, starts, stats, isa, blocks: OnceLock::new(), absent: OnceLock::new() })
     }
 
     /// What the build made.
@@ -120,11 +141,11 @@ impl Blas {
         }
         let block = self.block(at);
         let lane = (0..BLOCK).find(|&l| TriangleId::of_lane(block, l).triangle() == triangle)?;
-        Some(
-            block
-                .vertices
-                .map(|corner| Vec3::new(corner[0][lane], corner[1][lane], corner[2][lane])),
-        )
+        let corners = block
+            .vertices
+            .map(|corner| Vec3::new(corner[0][lane], corner[1][lane], corner[2][lane]));
+        // A refit writes NaN where a triangle can no longer be hit.
+        corners[0].is_finite().then_some(corners)
     }
 
     /// Proves the structure: each triangle that can be hit reached once, or covered by the boxes of the
@@ -148,14 +169,15 @@ impl Blas {
     /// The triangles of a leaf and their corners.
     fn leaf(&self, value: u32) -> impl Iterator<Item = (u32, [Vec3; 3])> + use<'_> {
         let block = self.block(value);
-        (0..BLOCK).filter(|&lane| TriangleId::of_lane(block, lane) != TriangleId::NONE).map(
-            |lane| {
+        (0..BLOCK)
+            .filter(|&lane| TriangleId::of_lane(block, lane) != TriangleId::NONE)
+            .filter(|&lane| !block.vertices[0][0][lane].is_nan())
+            .map(|lane| {
                 let corners = block
                     .vertices
                     .map(|corner| Vec3::new(corner[0][lane], corner[1][lane], corner[2][lane]));
                 (TriangleId::of_lane(block, lane).triangle(), corners)
-            },
-        )
+            })
     }
 
     /// Whether a triangle may be in several leaves.
@@ -167,6 +189,45 @@ impl Blas {
     #[inline]
     pub(crate) fn locate(&self, triangle: u32) -> (u32, u32) {
         locate(&self.starts, triangle)
+    }
+
+    /// How many triangles a geometry has.
+    pub(crate) fn triangle_count(&self, geometry: usize) -> usize {
+        (self.starts[geometry + 1] - self.starts[geometry]) as usize
+    }
+
+    /// The tree, the numbers of the geometries' first triangles and of all, and the counts.
+    pub(crate) fn parts(&mut self) -> (&mut Bvh8, &[u32], &mut BuildStats) {
+        (&mut self.tree, &self.starts, &mut self.stats)
+    }
+
+    /// The triangles in no block: those that could not be hit when it was built.
+    pub(crate) fn absent(&self) -> &[u32] {
+        self.absent.get_or_init(|| {
+            if self.stats.inactive == 0 {
+                return vec![];
+            }
+            let blocks = self.blocks.get_or_init(|| self.index_blocks());
+            (0..blocks.len() as u32).filter(|&i| blocks[i as usize] == NO_BLOCK).collect()
+        })
+    }
+
+    /// How many triangles are in blocks, but cannot be hit since a refit.
+    pub(crate) fn count_hidden(&self) -> usize {
+        let mut hidden = vec![];
+        self.tree.for_each_leaf(|value| {
+            let block = self.block(value);
+            hidden.extend(
+                (0..BLOCK)
+                    .filter(|&lane| block.vertices[0][0][lane].is_nan())
+                    .map(|lane| TriangleId::of_lane(block, lane))
+                    .filter(|&id| id != TriangleId::NONE)
+                    .map(TriangleId::triangle),
+            );
+        });
+        hidden.sort_unstable();
+        hidden.dedup();
+        hidden.len()
     }
 
     fn block(&self, half_line: u32) -> &Triangles4 {

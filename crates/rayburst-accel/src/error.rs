@@ -43,6 +43,38 @@ pub enum BuildError {
         /// How many there are.
         blases: usize,
     },
+    /// A refit with another number of geometries than the structure was built from.
+    #[error("refit with {given} geometries, but the structure was built from {built}; rebuild it")]
+    GeometriesDiffer {
+        /// How many it was built from.
+        built: usize,
+        /// How many were given.
+        given: usize,
+    },
+    /// A refit with another number of triangles than the structure was built from.
+    #[error(
+        "refit with {given} triangles in geometry {geometry}, but the structure was built from \
+         {built}; rebuild it"
+    )]
+    TrianglesDiffer {
+        /// Which geometry.
+        geometry: u32,
+        /// How many it was built from.
+        built: usize,
+        /// How many were given.
+        given: usize,
+    },
+    /// A refit would have to add a triangle.
+    #[error(
+        "triangle {primitive} of geometry {geometry} can be hit now, but could not when the \
+         structure was built; rebuild it"
+    )]
+    Reappeared {
+        /// Which geometry.
+        geometry: u32,
+        /// Which triangle of it.
+        primitive: u32,
+    },
     /// Memory ran out.
     #[error("not enough memory for {what}: {bytes} bytes; use a smaller scene or instances")]
     OutOfMemory {

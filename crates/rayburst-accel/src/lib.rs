@@ -23,6 +23,7 @@ mod geometry;
 mod layout;
 mod options;
 mod query;
+mod refit;
 mod structure;
 mod tlas;
 mod traverse;
@@ -37,5 +38,6 @@ pub use query::{
     AcceptAll, AllHits, CandidateFilter, Counters, Cull, FilterFn, TraceMode, TraceOptions,
 };
 pub use rayburst_simd::IsaLevel;
+pub use refit::RefitReport;
 pub use tlas::Tlas;
 pub use validate::{BvhDefect, ValidationReport};

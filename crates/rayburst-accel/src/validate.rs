@@ -297,7 +297,8 @@ impl<L: Leaf> Walk<'_, L> {
                 }
                 self.node(child, depth + 1)?
             };
-            if below.is_empty() || !bounds.contains_box(&below) {
+            // What a refit cannot hit any more has an empty box.
+            if below.is_empty() != bounds.is_empty() || !bounds.contains_box(&below) {
                 return Err(BvhDefect::NotEnclosing { node: at, slot: slot as u32 });
             }
             all = all.union(below);

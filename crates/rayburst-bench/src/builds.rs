@@ -1,8 +1,11 @@
 //! `bench build`: how fast structures are built and fitted anew, how large and how good they are.
 
-use std::{path::PathBuf, time::Duration};
+use std::{
+    path::PathBuf,
+    time::{Duration, Instant},
+};
 
-use rayburst_accel::{Blas, TriangleMesh};
+use rayburst_accel::{Blas, BuildOptions, TriangleMesh};
 
 use crate::{
     BenchError, FlatMesh, Row,
@@ -66,6 +69,7 @@ pub fn bench_builds(
         contenders.extend(Quality::ALL.map(|(_, quality)| embree_build(quality, built)));
         contenders.push(embree_refit(refitted)?);
     }
+    contenders.push(own_refit(mesh, &pool)?);
     let measured = measure(&mut contenders, options)?;
     let rows = rows(name, mesh, &contenders, &measured, options);
     rows.iter().for_each(report);
@@ -117,6 +121,26 @@ fn embree_refit(geometry: &Geometry) -> Result<Contender<'_>, BenchError> {
         engine: "embree:refit".into(),
         builder: "refit",
         peer: None,
+        build: Box::new(build),
+    })
+}
+
+/// Fits the default preset's structure to the same mesh again and again.
+fn own_refit<'a>(
+    mesh: &'a FlatMesh,
+    pool: &'a rayon::ThreadPool,
+) -> Result<Contender<'a>, BenchError> {
+    let triangles = [TriangleMesh::new(&mesh.positions, &mesh.indices)];
+    let mut blas = pool.install(|| Blas::build(&triangles, &BuildOptions::default()))?;
+    let build = move || {
+        let begin = Instant::now();
+        pool.install(|| blas.refit(&triangles))?;
+        Ok(Built { time: begin.elapsed(), ..Built::default() })
+    };
+    Ok(Contender {
+        engine: "rayburst:refit".into(),
+        builder: "refit",
+        peer: Some("embree:refit".into()),
         build: Box::new(build),
     })
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use rayburst_accel::{AcceptAll, Blas, BuildOptions, BuildQuality, TraceOptions};
+use rayburst_accel::{AcceptAll, Blas, BuildOptions, BuildQuality, TraceMode, TraceOptions};
 use rayburst_math::{Hit, Ray};
 
 use crate::peers::embree::Quality;
@@ -44,23 +44,24 @@ pub struct Preset {
 
 impl Preset {
     /// All presets.
-    pub const ALL: [Self; 2] = [
-        Self {
-            name: "fast",
-            quality: BuildQuality::Fast,
-            builder: "binned-sah",
-            embree: Quality::Low,
-        },
+    pub const ALL: [Self; 3] = [
+        Self { name: "fast", quality: BuildQuality::Fast, builder: "lbvh", embree: Quality::Low },
         Self {
             name: "balanced",
             quality: BuildQuality::Balanced,
             builder: "binned-sah",
             embree: Quality::Medium,
         },
+        Self {
+            name: "best",
+            quality: BuildQuality::Best,
+            builder: "spatial-splits",
+            embree: Quality::High,
+        },
     ];
 
     /// Options of a build.
-    pub fn options(&self) -> BuildOptions {
+    pub fn options(&self) -> BuildOptions<'static> {
         BuildOptions { quality: self.quality, ..BuildOptions::default() }
     }
 }
@@ -70,13 +71,22 @@ impl Preset {
 pub enum Mode {
     /// Batches, traced as the library sees fit.
     Auto,
+    /// Batches, one ray after another.
+    Single,
+    /// Batches, several rays in flight.
+    Interleaved,
     /// One call a ray.
     Call,
 }
 
 impl Mode {
     /// All modes with their names.
-    pub const ALL: [(&'static str, Self); 2] = [("auto", Self::Auto), ("call", Self::Call)];
+    pub const ALL: [(&'static str, Self); 4] = [
+        ("auto", Self::Auto),
+        ("single", Self::Single),
+        ("interleaved", Self::Interleaved),
+        ("call", Self::Call),
+    ];
 
     /// The mode's name.
     pub fn name(self) -> &'static str {
@@ -85,9 +95,12 @@ impl Mode {
 
     /// Options of the queries.
     fn options(self) -> TraceOptions {
-        match self {
-            Self::Auto | Self::Call => TraceOptions::default(),
-        }
+        let mode = match self {
+            Self::Auto | Self::Call => TraceMode::Auto,
+            Self::Single => TraceMode::Single,
+            Self::Interleaved => TraceMode::Interleaved,
+        };
+        TraceOptions { mode, ..TraceOptions::default() }
     }
 }
 

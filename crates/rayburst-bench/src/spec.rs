@@ -102,7 +102,7 @@ mod tests {
         assert_eq!(named("embree:medium:1"), ["embree:medium:1"]);
         assert_eq!(
             named("rayburst:balanced"),
-            ["rayburst:balanced:auto", "rayburst:balanced:call"]
+            Mode::ALL.map(|(mode, _)| format!("rayburst:balanced:{mode}"))
         );
         #[cfg(feature = "peers")]
         assert_eq!(named("obvhs"), ["obvhs:cwbvh"]);

@@ -83,7 +83,7 @@ pub(crate) fn is_traceable(bounds: &Aabb) -> bool {
 }
 
 /// The box of a triangle that rays can hit.
-fn active_bounds(corners: [Vec3; 3]) -> Option<Aabb> {
+pub(crate) fn active_bounds(corners: [Vec3; 3]) -> Option<Aabb> {
     let [a, b, c] = corners;
     // NaN would vanish in minima and maxima.
     if !(a.is_finite() && b.is_finite() && c.is_finite()) {
@@ -151,6 +151,12 @@ pub(crate) fn of_triangles(
 
 fn is_outside(mesh: &TriangleMesh<'_>, corners: &[u32; 3]) -> bool {
     corners[0].max(corners[1]).max(corners[2]) as usize >= mesh.positions.len()
+}
+
+/// Whether all indices of a mesh name vertices.
+pub(crate) fn check_indices(geometry: usize, mesh: &TriangleMesh<'_>) -> Result<(), BuildError> {
+    let any = mesh.indices.par_iter().with_min_len(4096).any(|corners| is_outside(mesh, corners));
+    if any { Err(outside(geometry, mesh)) } else { Ok(()) }
 }
 
 /// Names the first index that is out of range.

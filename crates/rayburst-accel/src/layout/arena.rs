@@ -1,6 +1,9 @@
 //! The memory of a traced structure: one allocation of cache lines, in huge pages where possible.
 
+use std::mem::MaybeUninit;
+
 use bytemuck::{Pod, Zeroable, allocation::try_zeroed_vec};
+use rayon::prelude::*;
 
 use crate::BuildError;
 
@@ -27,10 +30,53 @@ pub(crate) fn zeroed_vec<T: Zeroable>(
 
 /// Lines of zeros.
 pub(crate) fn allocate(count: usize) -> Result<Vec<Line>, BuildError> {
+    check(count)?;
+    zeroed_vec(count, "the structure")
+}
+
+/// Lines in consecutive parts of the given sizes, each zeroed and then written by a task of its own,
+/// which gets the part's number.
+pub(crate) fn allocate_parts<R: Send>(
+    sizes: &[usize],
+    write: impl Fn(usize, &mut [Line]) -> R + Sync,
+) -> Result<(Vec<Line>, Vec<R>), BuildError> {
+    let count = sizes.iter().fold(0usize, |sum, &size| sum.saturating_add(size));
+    let mut lines = reserve(count)?;
+    let mut rest = &mut lines.spare_capacity_mut()[..count];
+    let mut parts = Vec::with_capacity(sizes.len());
+    for &size in sizes {
+        let (part, others) = rest.split_at_mut(size);
+        parts.push(part);
+        rest = others;
+    }
+    let task = |(number, part): (usize, &mut [MaybeUninit<Line>])| {
+        part.fill(MaybeUninit::new(Line::zeroed()));
+        // SAFETY: `MaybeUninit<Line>` is laid out as `Line`, and every element was just written.
+        let part = unsafe { &mut *(std::ptr::from_mut(part) as *mut [Line]) };
+        write(number, part)
+    };
+    let results = parts.into_par_iter().enumerate().map(task).collect();
+    // SAFETY: the parts make up `count` elements within the capacity, and all were written.
+    unsafe { lines.set_len(count) };
+    Ok((lines, results))
+}
+
+fn check(count: usize) -> Result<(), BuildError> {
     if count > MAX_LINES {
         return Err(BuildError::TooMany { what: "cache lines", count, limit: MAX_LINES });
     }
-    zeroed_vec(count, "the structure")
+    Ok(())
+}
+
+fn reserve(count: usize) -> Result<Vec<Line>, BuildError> {
+    check(count)?;
+    let mut lines = Vec::new();
+    lines.try_reserve_exact(count).map_err(|_| BuildError::OutOfMemory {
+        what: "the structure",
+        bytes: count * size_of::<Line>(),
+    })?;
+    advise_huge_pages(&lines);
+    Ok(lines)
 }
 
 /// Asks for huge pages: without them rays in large scenes wait for page tables.
@@ -61,5 +107,19 @@ mod tests {
         let lines = allocate(100_000).unwrap();
         assert!(lines.len() == 100_000 && lines.iter().all(|line| line.words == [0; 16]));
         assert!(matches!(allocate(MAX_LINES + 1), Err(BuildError::TooMany { .. })));
+        let sizes = [MAX_LINES, usize::MAX];
+        assert!(matches!(allocate_parts(&sizes, |_, _| ()), Err(BuildError::TooMany { .. })));
+    }
+
+    #[test]
+    fn parts_follow_each_other() {
+        let (lines, lengths) = allocate_parts(&[3, 0, 1, 7], |number, part| {
+            assert!(part.iter().all(|line| line.words == [0; 16]));
+            part.iter_mut().for_each(|line| line.words[5] = number as u32);
+            part.len()
+        })
+        .unwrap();
+        assert_eq!(lengths, [3, 0, 1, 7]);
+        assert!(lines.iter().map(|l| l.words[5]).eq([0, 0, 0, 2, 3, 3, 3, 3, 3, 3, 3]));
     }
 }

@@ -39,11 +39,11 @@ impl Reference {
         self.0
     }
 
-    const fn node(line: u32) -> Self {
+    pub(crate) const fn node(line: u32) -> Self {
         Self(line << 2)
     }
 
-    const fn leaf(value: u32) -> Self {
+    pub(crate) const fn leaf(value: u32) -> Self {
         Self(value << 1 | 1)
     }
 
@@ -69,15 +69,19 @@ pub(crate) struct Node8 {
     spare: [u32; 8],
 }
 
+pub(crate) const NODE_LINES: usize = size_of::<Node8>() / size_of::<Line>();
+
 impl Node8 {
+    /// A node without children.
+    pub(crate) const EMPTY: Self =
+        Self { boxes: Boxes8::EMPTY, children: [Reference::NONE; 8], spare: [0; 8] };
+
     /// The children as plain words.
     #[inline(always)]
     pub(crate) fn child_words(&self) -> &[u32; 8] {
         bytemuck::cast_ref(&self.children)
     }
 }
-
-const NODE_LINES: usize = size_of::<Node8>() / size_of::<Line>();
 
 /// How leaves are stored.
 pub(crate) trait Leaves: Sync {
@@ -132,6 +136,16 @@ impl Bvh8 {
         writer.write(0, 0, &mut lines, 0);
         let sah_cost = plan.area / f64::from(bounds.half_area()).max(f64::MIN_POSITIVE);
         Ok(Self { lines, bounds, shape: Shape { sah_cost: sah_cost as f32, ..plan.shape } })
+    }
+
+    /// A tree that was written elsewhere; its root is at the start.
+    pub(crate) fn of_lines(lines: Vec<Line>, bounds: Aabb, shape: Shape) -> Self {
+        Self { lines, bounds, shape }
+    }
+
+    /// Its memory, for refitting.
+    pub(crate) fn lines_mut(&mut self) -> &mut [Line] {
+        &mut self.lines
     }
 
     /// Bytes taken.

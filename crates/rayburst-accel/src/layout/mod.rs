@@ -4,4 +4,5 @@ pub(crate) mod arena;
 pub(crate) mod bvh2;
 pub(crate) mod bvh8;
 pub(crate) mod collapse;
+pub(crate) mod morton8;
 pub(crate) mod triangles;

@@ -21,9 +21,15 @@ impl TriangleId {
     /// What lanes without a triangle hold.
     pub(crate) const NONE: Self = Self(Self::TRANSLUCENT - 1);
 
-    fn new(triangle: u32, opaque: bool) -> Self {
+    pub(crate) fn new(triangle: u32, opaque: bool) -> Self {
         const { assert!(MAX_PRIMITIVES < Self::NONE.0 as usize) };
         Self(triangle | if opaque { 0 } else { Self::TRANSLUCENT })
+    }
+
+    /// What is stored in a block.
+    #[inline(always)]
+    pub(crate) fn word(self) -> u32 {
+        self.0
     }
 
     #[inline(always)]

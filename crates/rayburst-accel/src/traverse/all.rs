@@ -23,7 +23,7 @@ impl<'a> All<'a> {
         Self { t_max: ray.t_max, hits, start }
     }
 
-    /// Sorts what was appended.
+    /// Sorts what was appended; a triangle that spatial splits put into several leaves counts once.
     pub(crate) fn finish(self) {
         self.hits[self.start..].sort_unstable_by(|a, b| {
             if a.precedes(b) {
@@ -34,6 +34,14 @@ impl<'a> All<'a> {
                 Ordering::Equal
             }
         });
+        let mut kept = self.start;
+        for i in self.start..self.hits.len() {
+            if kept == self.start || self.hits[kept - 1] != self.hits[i] {
+                self.hits[kept] = self.hits[i];
+                kept += 1;
+            }
+        }
+        self.hits.truncate(kept);
     }
 }
 

@@ -2,7 +2,8 @@
 
 use glam::Vec3;
 use rayburst_accel::{
-    AcceptAll, Blas, BuildError, BuildOptions, IsaLevel, MAX_COORDINATE, TraceOptions, TriangleMesh,
+    AcceptAll, Blas, BuildError, BuildOptions, BuildQuality, IsaLevel, MAX_COORDINATE,
+    TraceOptions, TriangleMesh,
 };
 use rayburst_math::{Hit, Ray};
 
@@ -39,7 +40,7 @@ fn nothing_and_almost_nothing() {
     assert!(empty.bounds().is_empty() && empty.geometry_count() == 0);
     let ray = Ray::new(Vec3::ZERO, Vec3::X);
     assert_eq!(empty.closest_hit(&ray, &ANY, &AcceptAll), Hit::MISS);
-    for count in 1..40 {
+    for count in 1..140 {
         let blas = build(&soup(count, count as usize, 0.5));
         assert_eq!(blas.stats().primitives, count as usize);
     }
@@ -56,6 +57,48 @@ fn indices_out_of_range_are_named() {
         BuildError::IndexOutOfRange { geometry: 1, primitive: 2, index: 3, vertices: 3 }
     );
     assert!(error.to_string().contains("triangle 2 of geometry 1"));
+}
+
+#[test]
+fn indices_out_of_range_are_named_by_the_fast_build_too() {
+    let positions = [Vec3::ZERO; 3];
+    let fast = BuildOptions { quality: BuildQuality::Fast, ..BuildOptions::default() };
+    let bad = TriangleMesh::new(&positions, &[[0, 1, 2], [0, 1, 2], [0, 3, 7]]);
+    assert_eq!(
+        Blas::build(&[bad, bad], &fast).unwrap_err(),
+        BuildError::IndexOutOfRange { geometry: 0, primitive: 2, index: 3, vertices: 3 }
+    );
+}
+
+#[test]
+fn a_hundred_thousand_equal_codes_make_a_bounded_tree() {
+    let mut mesh = Mesh::default();
+    for i in 0..100_000 {
+        let p = Vec3::splat(1e-9 * (i % 7) as f32);
+        mesh.push([p, p + Vec3::X, p + Vec3::Y]);
+    }
+    // Two vertices of no triangle spread the grid.
+    mesh.positions.extend([Vec3::splat(-1e15), Vec3::splat(1e15)]);
+    build(&mesh);
+}
+
+#[test]
+fn the_fast_build_numbers_triangles_through_geometries() {
+    let meshes = [soup(61, 300, 0.2), Mesh::default(), soup(62, 1, 0.2), soup(63, 9000, 0.02)];
+    let geometries = meshes.each_ref().map(Mesh::geometry);
+    let options = |quality| BuildOptions { quality, ..BuildOptions::default() };
+    let [fast, slow] = [BuildQuality::Fast, BuildQuality::Balanced]
+        .map(|quality| Blas::build(&geometries, &options(quality)).unwrap());
+    fast.validate().unwrap();
+    let mut random = Random::new(64);
+    let mut hits = 0;
+    for _ in 0..2000 {
+        let ray = ray_at(&mut random, Vec3::ZERO, 1.0);
+        let hit = fast.closest_hit(&ray, &ANY, &AcceptAll);
+        assert_eq!(hit, slow.closest_hit(&ray, &ANY, &AcceptAll));
+        hits += u32::from(hit.is_hit());
+    }
+    assert!(hits > 200);
 }
 
 #[test]

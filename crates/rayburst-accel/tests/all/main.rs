@@ -8,6 +8,7 @@ mod instances;
 mod meshes;
 mod oracle;
 mod oracle_tests;
+mod refit;
 mod rules;
 mod splits;
 mod watertight;

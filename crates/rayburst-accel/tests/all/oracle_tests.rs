@@ -1,7 +1,7 @@
 //! Every mesh, every instruction set, every query, against brute force.
 
 use glam::Vec3;
-use rayburst_accel::{AcceptAll, IsaLevel, TraceOptions};
+use rayburst_accel::{AcceptAll, Blas, BuildOptions, BuildQuality, IsaLevel, TraceOptions};
 use rayburst_math::{Hit, Ray};
 
 use crate::{
@@ -42,6 +42,21 @@ fn closest_hits_are_those_of_brute_force() {
                 check_closest(&mesh, &ray, &hit)
                     .unwrap_or_else(|error| panic!("{name}, {}: {error}", isa.name()));
             }
+        }
+    }
+}
+
+#[test]
+fn the_fast_build_hits_what_brute_force_hits() {
+    for (name, mesh, centre, radius) in meshes() {
+        let options = BuildOptions { quality: BuildQuality::Fast, ..BuildOptions::default() };
+        let blas = Blas::build(&[mesh.geometry()], &options).unwrap();
+        blas.validate().unwrap_or_else(|defect| panic!("{name}: {defect}"));
+        let mut random = Random::new(27);
+        for _ in 0..1000 {
+            let ray = ray_at(&mut random, centre, radius);
+            let hit = blas.closest_hit(&ray, &TraceOptions::default(), &AcceptAll);
+            check_closest(&mesh, &ray, &hit).unwrap_or_else(|error| panic!("{name}: {error}"));
         }
     }
 }

@@ -11,7 +11,11 @@ use crate::{
     oracle::check_closest,
 };
 
-const OPTIONS: TraceOptions = TraceOptions { mask: 0xFF, cull: rayburst_accel::Cull::None };
+const OPTIONS: TraceOptions = TraceOptions {
+    mask: 0xFF,
+    cull: rayburst_accel::Cull::None,
+    mode: rayburst_accel::TraceMode::Auto,
+};
 
 fn best(mesh: &Mesh, budget: f32) -> Blas {
     let options =
