@@ -142,6 +142,15 @@ fn steps(most: f64) -> (f64, usize) {
     (step, (most / step).ceil().max(1.0) as usize)
 }
 
+/// How many digits after the point tell the steps apart and exactly.
+fn decimals(step: f64) -> usize {
+    let whole = |digits: &usize| {
+        let scaled = step * 10f64.powi(*digits as i32);
+        scaled > 0.5 && (scaled - scaled.round()).abs() < 1e-6
+    };
+    (0..12).find(whole).unwrap_or(12)
+}
+
 fn draw_panel(canvas: &mut Canvas, corner: Vec2, panel: &Panel) {
     let (left, right) = (corner.x + 34.0, corner.x + PANEL.x - 14.0);
     let (top, bottom) = (corner.y + 46.0, corner.y + PANEL.y - 44.0);
@@ -151,7 +160,7 @@ fn draw_panel(canvas: &mut Canvas, corner: Vec2, panel: &Panel) {
     let (step, count) = steps(bars.map(|bar| bar.value).fold(0.0, f64::max));
     let top_value = step * count as f64;
     let height = |value: f64| bottom - (value / top_value) as f32 * (bottom - top);
-    let decimals = if step >= 1.0 && step.fract() == 0.0 { 0 } else { 1 + usize::from(step < 0.1) };
+    let decimals = decimals(step);
     for i in 0..=count {
         let value = step * i as f64;
         let y = height(value);
@@ -299,6 +308,7 @@ mod tests {
         let (step, count) = steps(0.37);
         assert!((step - 0.1).abs() < 1e-12 && count == 4);
         assert!(steps(0.0).1 >= 1);
+        assert_eq!([25.0, 2.5, 0.25, 0.1, 0.02].map(decimals), [0, 1, 2, 1, 2]);
     }
 
     #[test]
