@@ -88,6 +88,9 @@ impl Mode {
         ("call", Self::Call),
     ];
 
+    /// The modes that are measured unless others are named.
+    pub const USUAL: [Self; 2] = [Self::Auto, Self::Call];
+
     /// The mode's name.
     pub fn name(self) -> &'static str {
         Self::ALL.iter().find(|(_, mode)| *mode == self).map_or("", |(name, _)| name)

@@ -83,8 +83,7 @@ mod tests {
     use super::*;
 
     fn named(name: &str) -> Vec<String> {
-        let modes = Mode::ALL.map(|(_, mode)| mode);
-        let usual = EngineSpec::usual(&Preset::ALL, &modes);
+        let usual = EngineSpec::usual(&Preset::ALL, &Mode::USUAL);
         EngineSpec::named(name, &usual).iter().map(ToString::to_string).collect()
     }
 
@@ -102,7 +101,7 @@ mod tests {
         assert_eq!(named("embree:medium:1"), ["embree:medium:1"]);
         assert_eq!(
             named("rayburst:balanced"),
-            Mode::ALL.map(|(mode, _)| format!("rayburst:balanced:{mode}"))
+            ["rayburst:balanced:auto", "rayburst:balanced:call"]
         );
         #[cfg(feature = "peers")]
         assert_eq!(named("obvhs"), ["obvhs:cwbvh"]);

@@ -124,8 +124,7 @@ fn engines(given: &str) -> Result<EngineNames, String> {
     let names: Vec<&str> = given.split(',').map(str::trim).filter(|n| !n.is_empty()).collect();
     for name in &names {
         if EngineSpec::named(name, &[]).is_empty() {
-            let modes = Mode::ALL.map(|(_, mode)| mode);
-            let usual = EngineSpec::usual(&Preset::ALL, &modes);
+            let usual = EngineSpec::usual(&Preset::ALL, &Mode::USUAL);
             let mut known: Vec<String> = usual.iter().map(ToString::to_string).collect();
             known.push(EMBREE_NAMES.into());
             let known: Vec<&str> = known.iter().map(String::as_str).collect();

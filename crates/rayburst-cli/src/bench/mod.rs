@@ -106,8 +106,7 @@ fn is_png(path: &Path) -> bool {
 /// Which engines are measured; Embree's only with its library.
 fn engines(args: &BenchRaysArgs) -> Result<Vec<EngineSpec>> {
     let has_library = args.common.peer.is_some();
-    let all_modes = Mode::ALL.map(|(_, mode)| mode);
-    let modes = args.mode.as_ref().map_or(&all_modes[..], |list| &list.0);
+    let modes = args.mode.as_ref().map_or(&Mode::USUAL[..], |list| &list.0);
     let mut usual = EngineSpec::usual(args.common.presets(), modes);
     let Some(names) = &args.engines else {
         usual.retain(|spec| has_library || !spec.needs_library());

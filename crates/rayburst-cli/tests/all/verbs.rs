@@ -95,7 +95,8 @@ fn rays_are_benchmarked() {
     let rows: serde_json::Value = serde_json::from_slice(&place.read("rows.json")).unwrap();
     assert_eq!(rows[0]["ray_set"], "primary");
     assert!(rows[0]["value"].as_f64().unwrap() > 0.0);
-    let engines = ["fast:auto", "fast:call", "balanced:auto", "balanced:call"];
+    let engines =
+        ["fast:auto", "fast:call", "balanced:auto", "balanced:call", "best:auto", "best:call"];
     let names = |rows: &serde_json::Value| -> Vec<String> {
         let rows = rows.as_array().unwrap().iter();
         rows.map(|row| row["engine"].as_str().unwrap().replace("rayburst:", "")).collect()
@@ -109,7 +110,7 @@ fn rays_are_benchmarked() {
             assert!(row[number].is_number(), "{number}: {row}");
         }
         assert!(row.get("ratio").is_none() && row.get("best_peer").is_none());
-        assert_eq!(row["hits"], rows[if row["ray_set"] == "ao" { 4 } else { 0 }]["hits"]);
+        assert_eq!(row["hits"], rows[if row["ray_set"] == "ao" { 6 } else { 0 }]["hits"]);
     }
     place.good(&format!("{line} --engines rayburst:fast --mode call --json few.json"));
     let few: serde_json::Value = serde_json::from_slice(&place.read("few.json")).unwrap();
@@ -126,10 +127,15 @@ fn builds_are_benchmarked() {
     assert!(ran.stdout.contains("Mtri/s") && ran.stdout.contains("SAH cost"), "{ran:?}");
     let rows: serde_json::Value = serde_json::from_slice(&place.read("rows.json")).unwrap();
     let rows = rows.as_array().unwrap();
-    assert_eq!(rows.len(), 8, "two scenes, two presets, two figures");
-    for (row, unit) in rows.iter().zip(["Mtri/s", "B/tri"].iter().cycle()) {
+    // Of each scene two figures of three presets, and refitting.
+    let builders = ["lbvh", "lbvh", "binned-sah", "binned-sah", "spatial-splits", "spatial-splits"];
+    assert_eq!(rows.len(), 2 * (builders.len() + 1));
+    let (built, fitted): (Vec<_>, Vec<_>) = rows.iter().partition(|row| row["builder"] != "refit");
+    assert!(fitted.iter().all(|row| row["unit"] == "Mtri/s" && row["value"].as_f64() > Some(0.0)));
+    let units = ["Mtri/s", "B/tri"].iter().cycle();
+    for ((row, unit), builder) in built.iter().zip(units).zip(builders.iter().cycle()) {
         assert_eq!((&row["bench"], &row["unit"]), (&"build".into(), &(*unit).into()));
-        assert_eq!(row["builder"], "binned-sah");
+        assert_eq!(row["builder"], *builder);
         assert!(row["value"].as_f64().unwrap() > 0.0 && row["sah_cost"].as_f64().unwrap() > 0.0);
         assert!(row["depth"].as_u64().unwrap() >= 1);
         assert!(row.get("ratio").is_none(), "no peer: {row}");
