@@ -34,7 +34,7 @@ fn transform(random: &mut Random, kind: usize) -> Affine3A {
 }
 
 /// What is instanced, and the same as one mesh in the world.
-fn scene(isa: IsaLevel) -> (Tlas, Mesh, Vec<u32>) {
+pub fn scene(isa: IsaLevel) -> (Tlas, Mesh, Vec<u32>) {
     let parts = [soup(41, 60, 0.4), sphere(6)];
     let blases = parts.iter().map(|mesh| Arc::new(mesh.blas(isa))).collect();
     let mut random = Random::new(42);

@@ -6,6 +6,7 @@
 mod build;
 mod instances;
 mod meshes;
+mod modes;
 mod oracle;
 mod oracle_tests;
 mod refit;
