@@ -31,8 +31,6 @@ pub struct Embree {
     path: PathBuf,
     /// Bytes that the device holds; boxed, because the device has its address.
     memory: Box<AtomicI64>,
-    /// Keeps the functions' code mapped.
-    _library: Library,
 }
 
 // SAFETY: Embree's devices and committed scenes may be used from any thread (API manual, "Thread
@@ -62,7 +60,9 @@ impl Embree {
         // SAFETY: the counter lives in a box that is dropped after the device is released.
         unsafe { (functions.memory_monitor)(device, count_memory, counter) };
         let path = path.to_owned();
-        Ok(Arc::new(Self { functions, device, path, memory, _library: library }))
+        // Never unloaded: its scheduler's threads may still run when the last device is gone.
+        std::mem::forget(library);
+        Ok(Arc::new(Self { functions, device, path, memory }))
     }
 
     /// Bytes that the device holds now: buffers and structures.
