@@ -311,16 +311,6 @@ impl Structure for Blas {
         self.tree.address(0)
     }
 
-    fn enter(
-        &self,
-        _: u32,
-        _: &Ray,
-        _: &PreparedRay,
-        _: &TraceOptions,
-    ) -> Option<(PreparedRay, Place<'_>)> {
-        None
-    }
-
     #[inline(always)]
     fn stack_entries(&self) -> usize {
         self.tree.stack_entries()

@@ -66,14 +66,18 @@ pub(crate) trait Structure {
     /// The start of the root's tree.
     fn root_memory(&self) -> *const u8;
 
-    /// A ray prepared for an instance, and the instance. `None` if the ray hits nothing there.
+    /// A ray prepared for an instance, and the instance. `None` if the ray hits nothing there, or if
+    /// there are no instances.
+    #[inline(always)]
     fn enter(
         &self,
-        instance: u32,
-        ray: &Ray,
-        world: &PreparedRay,
-        options: &TraceOptions,
-    ) -> Option<(PreparedRay, Place<'_>)>;
+        _instance: u32,
+        _ray: &Ray,
+        _world: &PreparedRay,
+        _options: &TraceOptions,
+    ) -> Option<(PreparedRay, Place<'_>)> {
+        None
+    }
 
     /// References that wait on a stack at most.
     fn stack_entries(&self) -> usize;

@@ -450,16 +450,6 @@ impl Structure for Sole<'_> {
         self.blas().tree.address(0)
     }
 
-    fn enter(
-        &self,
-        _: u32,
-        _: &Ray,
-        _: &PreparedRay,
-        _: &TraceOptions,
-    ) -> Option<(PreparedRay, Place<'_>)> {
-        None
-    }
-
     fn stack_entries(&self) -> usize {
         self.blas().tree.stack_entries()
     }

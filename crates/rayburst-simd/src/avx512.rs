@@ -116,12 +116,6 @@ impl Isa for Avx512 {
         // SAFETY: a prefetch neither faults nor changes memory, whatever the address.
         unsafe { _mm_prefetch::<_MM_HINT_T0>(address.cast()) }
     }
-
-    #[inline(always)]
-    fn prefetch_write<T>(self, address: *const T) {
-        // SAFETY: as above.
-        unsafe { _mm_prefetch::<_MM_HINT_ET0>(address.cast()) }
-    }
 }
 
 /// # Safety

@@ -125,9 +125,6 @@ pub trait Isa: Copy + Send + Sync + std::fmt::Debug + 'static {
 
     /// Asks for the cache line at an address, which need not be valid.
     fn prefetch<T>(self, address: *const T);
-
-    /// Asks for the cache line at an address, which need not be valid, to write there.
-    fn prefetch_write<T>(self, address: *const T);
 }
 
 /// Bits of a key that hold a slot.

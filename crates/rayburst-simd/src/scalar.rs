@@ -87,7 +87,4 @@ impl Isa for Scalar {
 
     #[inline(always)]
     fn prefetch<T>(self, _: *const T) {}
-
-    #[inline(always)]
-    fn prefetch_write<T>(self, _: *const T) {}
 }

@@ -15,9 +15,6 @@ pub(crate) trait Answers {
     fn is_final(query: &Self::Query) -> bool;
 
     fn end<S: Structure>(&mut self, structure: &S, index: usize, query: &Self::Query);
-
-    /// Where an answer will be written.
-    fn address(&self, index: usize) -> *const u8;
 }
 
 /// The nearest hits.
@@ -40,11 +37,6 @@ impl Answers for ClosestHits<'_> {
     fn end<S: Structure>(&mut self, structure: &S, index: usize, query: &Closest) {
         self.0[index] = structure.finish(query);
     }
-
-    #[inline(always)]
-    fn address(&self, index: usize) -> *const u8 {
-        self.0.as_ptr().wrapping_add(index).cast()
-    }
 }
 
 /// Whether there are hits.
@@ -66,10 +58,5 @@ impl Answers for AnyHits<'_> {
     #[inline(always)]
     fn end<S: Structure>(&mut self, _: &S, index: usize, query: &Any) {
         self.0[index] = query.found;
-    }
-
-    #[inline(always)]
-    fn address(&self, index: usize) -> *const u8 {
-        self.0.as_ptr().wrapping_add(index).cast()
     }
 }

@@ -2,11 +2,11 @@
 //! behind the work of the others.
 //!
 //! A single ray waits: for the lines of a node, then for the chain box test → sort → next node. Here
-//! [`IN_FLIGHT`] rays advance by one node or one leaf a round. They are kept in three lists, inner,
+//! [`IN_FLIGHT`] rays advance by one node or one leaf a round. They are kept in three sets, inner,
 //! leaf and done, and a step has no branch that depends on the ray: it tests the node, writes the
 //! children that are met to the stack, sorted, finds the topmost stack entry that is still near
-//! enough, takes the nearest child or else that entry, asks for its memory, appends the ray to all
-//! three lists and advances the length of the right one. The request has a whole round to arrive.
+//! enough, takes the nearest child or else that entry, asks for its memory, and puts the ray into the
+//! set where that belongs. The request has a whole round to arrive.
 //!
 //! Rays that are done hand in their answer and make place for the next of the batch. Instances are
 //! entered in a leaf of the top level and left at a marker on the stack.
@@ -32,11 +32,8 @@ use crate::{
     structure::{Structure, Tracer},
 };
 
-/// Rays in flight: 20 to 40 are alike, more overflow the first-level cache.
+/// Rays in flight: 10 to 32 are alike.
 const IN_FLIGHT: usize = 24;
-
-/// How many rays before they are needed their memory and their answers' is asked for.
-const AHEAD: usize = 8;
 
 /// Entries below a stack's bottom that are never taken, so that eight can always be looked at.
 const GUARD: usize = 8;
@@ -245,8 +242,6 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, I, S, F> {
         while let Some(ray) = self.rays.get(*next) {
             let index = *next;
             *next += 1;
-            self.isa.prefetch(self.rays.as_ptr().wrapping_add(*next + AHEAD));
-            self.isa.prefetch_write(answers.address(index + AHEAD));
             let mut query = A::begin(ray);
             let entered = self.structure.enter_root(ray, self.options);
             if let Some((prepared, place)) = entered {

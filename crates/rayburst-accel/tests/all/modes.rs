@@ -14,7 +14,7 @@ use crate::{
 
 const MODES: [TraceMode; 3] = [TraceMode::Single, TraceMode::Interleaved, TraceMode::Auto];
 
-/// Answers of a batch: nearest hits, whether any, and instances entered by all.
+/// Answers of a batch: nearest hits, and whether there are any.
 type Answers = (Vec<Hit>, Vec<bool>);
 
 trait Trace {
