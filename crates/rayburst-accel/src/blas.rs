@@ -307,6 +307,11 @@ impl Structure for Blas {
     }
 
     #[inline(always)]
+    fn place(&self, options: &TraceOptions) -> Option<Place<'_>> {
+        Some(Place::new(self, 0, InstanceFlags::default(), options))
+    }
+
+    #[inline(always)]
     fn root_memory(&self) -> *const u8 {
         self.tree.address(0)
     }

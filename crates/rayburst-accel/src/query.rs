@@ -26,6 +26,9 @@ pub enum TraceMode {
     Single,
     /// Several rays in flight, a node at a time each: hides the latency of memory.
     Interleaved,
+    /// Bundles of up to 64 consecutive rays of alike directions, which visit nodes together; the rest
+    /// interleaved.
+    Packet,
 }
 
 /// Options of a query, the same for all rays of a batch.

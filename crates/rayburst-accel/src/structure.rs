@@ -10,9 +10,9 @@ use crate::{
     traverse::{
         all::All,
         answers::{Answers, AnyHits, ClosestHits},
+        batch,
         closest::Closest,
         count::{Count, NoCount},
-        interleaved,
         prepare::PreparedRay,
         query::{Asker, Place, Query},
         walk::Stack,
@@ -62,6 +62,17 @@ pub(crate) trait Structure {
         ray: &Ray,
         options: &TraceOptions,
     ) -> Option<(PreparedRay, Option<Place<'_>>)>;
+
+    /// The BLAS that is all of the structure, if it is one and can be hit.
+    fn place(&self, _: &TraceOptions) -> Option<Place<'_>> {
+        None
+    }
+
+    /// A ray in the space of that BLAS.
+    #[inline(always)]
+    fn local(&self, ray: &Ray) -> Ray {
+        *ray
+    }
 
     /// The start of the root's tree.
     fn root_memory(&self) -> *const u8;
@@ -135,12 +146,8 @@ impl<S: Structure, F: CandidateFilter, C: Count, A: Answers> Kernel for Batch<'_
     #[inline(always)]
     fn run<I: Isa>(mut self, isa: I) {
         let mut tracer = Tracer::new(isa, self.structure, self.options, self.filter);
-        let single = match self.options.mode {
-            TraceMode::Auto => self.rays.len() < FEW,
-            TraceMode::Single => true,
-            TraceMode::Interleaved => false,
-        };
-        if single {
+        let mode = self.options.mode;
+        if mode == TraceMode::Single || (mode == TraceMode::Auto && self.rays.len() < FEW) {
             for (index, (ray, count)) in self.rays.iter().zip(self.counts).enumerate() {
                 let mut query = A::begin(ray);
                 tracer.trace(index, ray, &mut query);
@@ -148,7 +155,7 @@ impl<S: Structure, F: CandidateFilter, C: Count, A: Answers> Kernel for Batch<'_
                 self.answers.end(self.structure, index, &query);
             }
         } else {
-            interleaved::trace(&mut tracer, self.rays, self.counts, &mut self.answers);
+            batch::trace(&mut tracer, self.rays, self.counts, &mut self.answers);
         }
     }
 }

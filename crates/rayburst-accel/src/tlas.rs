@@ -62,6 +62,16 @@ struct Placed {
     identity: bool,
 }
 
+impl Placed {
+    /// A ray in the instance's space.
+    #[inline(always)]
+    fn local(&self, ray: &Ray) -> Ray {
+        let origin = self.inverse.transform_point3(ray.origin);
+        let direction = self.inverse.transform_vector3(ray.direction);
+        Ray { origin, direction, ..*ray }
+    }
+}
+
 /// What the world needs to know of an instance.
 struct Placement {
     inverse: Affine3A,
@@ -203,21 +213,23 @@ impl Tlas {
         options: &TraceOptions,
     ) -> Option<(PreparedRay, Place<'_>)> {
         let placed = &self.placed[index as usize];
-        if placed.mask & options.mask == 0 {
-            return None;
-        }
-        let blas = &*self.blases[placed.blas as usize];
-        let place = Place::new(blas, index, placed.flags, options);
+        let place = self.place(index, options)?;
         match world {
             // Prepared for a larger box: as conservative as need be.
             Some(world) if placed.identity => Some((*world, place)),
             _ => {
-                let origin = placed.inverse.transform_point3(ray.origin);
-                let direction = placed.inverse.transform_vector3(ray.direction);
-                let local = Ray { origin, direction, ..*ray };
-                Some((PreparedRay::new(&local, &blas.bounds(), 0.0)?, place))
+                let bounds = place.blas.bounds();
+                Some((PreparedRay::new(&placed.local(ray), &bounds, 0.0)?, place))
             }
         }
+    }
+
+    /// An instance's BLAS, if its mask allows.
+    #[inline(always)]
+    fn place(&self, index: u32, options: &TraceOptions) -> Option<Place<'_>> {
+        let placed = &self.placed[index as usize];
+        let blas = &*self.blases[placed.blas as usize];
+        (placed.mask & options.mask != 0).then(|| Place::new(blas, index, placed.flags, options))
     }
 
     /// A valid ray prepared for the boxes of instances.
@@ -443,6 +455,16 @@ impl Structure for Sole<'_> {
     ) -> Option<(PreparedRay, Option<Place<'_>>)> {
         let (prepared, place) = self.tlas.enter_instance(self.index, ray, None, options)?;
         Some((prepared, Some(place)))
+    }
+
+    #[inline(always)]
+    fn place(&self, options: &TraceOptions) -> Option<Place<'_>> {
+        self.tlas.place(self.index, options)
+    }
+
+    #[inline(always)]
+    fn local(&self, ray: &Ray) -> Ray {
+        self.tlas.placed[self.index as usize].local(ray)
     }
 
     #[inline(always)]

@@ -75,16 +75,19 @@ pub enum Mode {
     Single,
     /// Batches, several rays in flight.
     Interleaved,
+    /// Bundles where that can be, interleaved where not.
+    Packet,
     /// One call a ray.
     Call,
 }
 
 impl Mode {
     /// All modes with their names.
-    pub const ALL: [(&'static str, Self); 4] = [
+    pub const ALL: [(&'static str, Self); 5] = [
         ("auto", Self::Auto),
         ("single", Self::Single),
         ("interleaved", Self::Interleaved),
+        ("packet", Self::Packet),
         ("call", Self::Call),
     ];
 
@@ -102,6 +105,7 @@ impl Mode {
             Self::Auto | Self::Call => TraceMode::Auto,
             Self::Single => TraceMode::Single,
             Self::Interleaved => TraceMode::Interleaved,
+            Self::Packet => TraceMode::Packet,
         };
         TraceOptions { mode, ..TraceOptions::default() }
     }

@@ -4,7 +4,8 @@
 use std::arch::x86_64::*;
 
 use crate::{
-    Boxes8, Isa, Kernel, Nearest, ShearRay, SlabRay, TriangleHits, Triangles4, isa::SLOT, x86,
+    Boxes8, Frustum, Group16, GroupAxes, Isa, Kernel, Nearest, Question16, ShearRay, SlabRay,
+    TriangleHits, Triangles4, isa::SLOT, x86, x86_group,
 };
 
 /// Proof that the CPU has AVX-512 F, VL, BW, DQ and CD, and all of [`crate::Avx2`].
@@ -109,6 +110,39 @@ impl Isa for Avx512 {
     ) -> Nearest {
         // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
         unsafe { x86::nearest4(block, ray, t_min, t_max, keep) }
+    }
+
+    #[inline(always)]
+    fn frustum8(
+        self,
+        boxes: &Boxes8,
+        axes: &GroupAxes,
+        frustum: &Frustum,
+        t_min: f32,
+        t_max: f32,
+        distances: &mut [f32; 8],
+    ) -> u32 {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { x86_group::frustum8(boxes, axes, frustum, t_min, t_max, distances) }
+    }
+
+    #[inline(always)]
+    fn box16(self, boxes: &Boxes8, slot: usize, axes: &GroupAxes, group: &Group16) -> u32 {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { x86_group::box16_avx512(boxes, slot, axes, group) }
+    }
+
+    #[inline(always)]
+    fn triangle16<const NEAREST: bool>(
+        self,
+        block: &Triangles4,
+        lane: usize,
+        axes: &GroupAxes,
+        group: &mut Group16,
+        question: &Question16,
+    ) -> (u32, u32) {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { x86_group::triangle16_avx512::<NEAREST>(block, lane, axes, group, question) }
     }
 
     #[inline(always)]

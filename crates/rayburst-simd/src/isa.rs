@@ -1,6 +1,9 @@
 //! The token of an instruction set and the kernels that run under it.
 
-use crate::{Boxes8, Nearest, ShearRay, SlabRay, TriangleHits, Triangles4};
+use crate::{
+    Boxes8, Frustum, Group16, GroupAxes, Nearest, Question16, ShearRay, SlabRay, TriangleHits,
+    Triangles4, group,
+};
 
 /// A proof that the running CPU has an instruction set: tokens other than [`crate::Scalar`] are only
 /// made by detection.
@@ -121,6 +124,42 @@ pub trait Isa: Copy + Send + Sync + std::fmt::Debug + 'static {
             }
         }
         nearest
+    }
+
+    /// Which of eight boxes any ray of an interval may meet in `t_min ≤ t ≤ t_max`, as bits, and the
+    /// least distances at which one enters them.
+    #[inline(always)]
+    fn frustum8(
+        self,
+        boxes: &Boxes8,
+        axes: &GroupAxes,
+        frustum: &Frustum,
+        t_min: f32,
+        t_max: f32,
+        distances: &mut [f32; 8],
+    ) -> u32 {
+        group::frustum8(boxes, axes, frustum, t_min, t_max, distances)
+    }
+
+    /// Which of sixteen rays may meet the box in a slot within their intervals, as bits.
+    #[inline(always)]
+    fn box16(self, boxes: &Boxes8, slot: usize, axes: &GroupAxes, group: &Group16) -> u32 {
+        group::box16(boxes, slot, axes, group)
+    }
+
+    /// Which of sixteen rays meet the triangle in a lane within their intervals, and rays for which
+    /// [`Isa::triangles4`] must be asked instead, as bits. If `NEAREST`, rays that meet it keep what
+    /// they met, and their intervals end there.
+    #[inline(always)]
+    fn triangle16<const NEAREST: bool>(
+        self,
+        block: &Triangles4,
+        lane: usize,
+        axes: &GroupAxes,
+        group: &mut Group16,
+        question: &Question16,
+    ) -> (u32, u32) {
+        group::triangle16::<NEAREST>(block, lane, axes, group, question)
     }
 
     /// Asks for the cache line at an address, which need not be valid.

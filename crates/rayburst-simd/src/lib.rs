@@ -7,6 +7,7 @@
 //! the bits of [`Scalar`], unless its documentation says otherwise.
 
 mod boxes;
+mod group;
 mod isa;
 mod level;
 mod scalar;
@@ -18,12 +19,15 @@ mod avx2;
 mod avx512;
 #[cfg(target_arch = "x86_64")]
 mod x86;
+#[cfg(target_arch = "x86_64")]
+mod x86_group;
 
 #[cfg(target_arch = "x86_64")]
 pub use avx2::Avx2;
 #[cfg(target_arch = "x86_64")]
 pub use avx512::Avx512;
 pub use boxes::{Boxes8, SlabRay};
+pub use group::{Frustum, GROUP, Group16, GroupAxes, Question16, Row16};
 pub use isa::{Isa, Kernel, SLOT};
 pub use level::{ISA_VARIABLE, IsaError, IsaLevel};
 pub use scalar::Scalar;

@@ -22,7 +22,12 @@ pub struct Triangles4 {
     pub ids: [u32; 4],
 }
 
-const ROW_BYTES: u32 = 16;
+pub(crate) const ROW_BYTES: u32 = 16;
+
+/// The permutations of the axes by the longest one, first of directions forwards along it, then
+/// backwards: swapping x and y keeps the winding, and with it the sign of the determinant.
+pub(crate) const AXES: [[u8; 3]; 6] =
+    [[1, 2, 0], [2, 0, 1], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2]];
 
 /// A ray prepared for [`Triangles4`].
 #[derive(Clone, Copy, Debug)]
@@ -41,9 +46,6 @@ impl ShearRay {
         let (x, y, z) = (direction[0].abs(), direction[1].abs(), direction[2].abs());
         // Arithmetic instead of branches: no ray predicts the next one's axis.
         let longest = usize::from(y > x) * usize::from(y >= z) + 2 * usize::from(z > x.max(y));
-        // Swapping x and y keeps the winding, and with it the sign of the determinant.
-        const AXES: [[u8; 3]; 6] =
-            [[1, 2, 0], [2, 0, 1], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2]];
         let backwards = direction[longest % 3].to_bits() >> 31;
         let axes = AXES[(longest + 3 * backwards as usize) % 6];
         let pick = |v: &[f32; 3]| axes.map(|axis| v[axis as usize % 3]);

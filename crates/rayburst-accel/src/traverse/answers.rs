@@ -2,12 +2,12 @@
 
 use rayburst_math::{Hit, Ray};
 
-use super::{any::Any, closest::Closest, query::Query};
+use super::{any::Any, closest::Closest, query::OneHit};
 use crate::structure::Structure;
 
 /// The answers of a batch, in any order of rays.
 pub(crate) trait Answers {
-    type Query: Query;
+    type Query: OneHit;
 
     fn begin(ray: &Ray) -> Self::Query;
 

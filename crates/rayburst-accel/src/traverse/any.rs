@@ -7,7 +7,7 @@ use rayburst_simd::Isa;
 
 use super::{
     prepare::{PreparedRay, Span},
-    query::{Candidate, Pending, Place, Query},
+    query::{Candidate, OneHit, Pending, Place, Query},
 };
 
 /// Whether something was hit.
@@ -52,4 +52,16 @@ impl Query for Any {
 
     #[inline(always)]
     fn settle<I: Isa>(&mut self, _: I, _: &Place<'_>, _: &PreparedRay, _: &Span) {}
+}
+
+impl OneHit for Any {
+    #[inline(always)]
+    fn resume(ray: &Ray, _: &Place<'_>, found: Option<&Candidate>) -> Self {
+        Self { t_max: ray.t_max, found: found.is_some() }
+    }
+
+    #[inline(always)]
+    fn found(&self) -> Option<Candidate> {
+        self.found.then_some(Candidate { t: self.t_max, u: 0.0, v: 0.0, triangle: 0, front: true })
+    }
 }

@@ -7,7 +7,7 @@ use rayburst_simd::Isa;
 
 use super::{
     prepare::{PreparedRay, Span},
-    query::{Candidate, Pending, Place, Query, settle_candidate},
+    query::{Candidate, OneHit, Pending, Place, Query, settle_candidate},
 };
 
 /// The best candidate so far.
@@ -98,5 +98,28 @@ impl Query for Closest {
             // Never breaks.
             let _ = self.take(&candidate, place);
         }
+    }
+}
+
+impl OneHit for Closest {
+    #[inline(always)]
+    fn resume(ray: &Ray, place: &Place<'_>, found: Option<&Candidate>) -> Self {
+        let mut query = Self::new(ray);
+        if let Some(candidate) = found {
+            // Never breaks.
+            let _ = query.take(candidate, place);
+        }
+        query
+    }
+
+    #[inline(always)]
+    fn found(&self) -> Option<Candidate> {
+        (self.key != NO_KEY).then_some(Candidate {
+            t: self.t,
+            u: self.u,
+            v: self.v,
+            triangle: self.key as u32,
+            front: self.front,
+        })
     }
 }

@@ -6,6 +6,9 @@ use crate::{Counters, layout::triangles::TriangleId};
 
 /// Something that hears of every visit.
 pub(crate) trait Count: Copy + Default {
+    /// Whether it hears anything.
+    const ACTIVE: bool;
+
     fn node(&mut self);
     fn leaf(&mut self, block: &Triangles4);
     fn instance(&mut self);
@@ -16,6 +19,8 @@ pub(crate) trait Count: Copy + Default {
 pub(crate) struct NoCount;
 
 impl Count for NoCount {
+    const ACTIVE: bool = false;
+
     #[inline(always)]
     fn node(&mut self) {}
     #[inline(always)]
@@ -25,6 +30,8 @@ impl Count for NoCount {
 }
 
 impl Count for Counters {
+    const ACTIVE: bool = true;
+
     #[inline(always)]
     fn node(&mut self) {
         self.nodes += 1;

@@ -143,11 +143,12 @@ fn take_bit(set: &mut u32) -> u32 {
     bit
 }
 
-/// Traces a batch.
+/// Traces the rays of a batch with these indices.
 #[inline(always)]
 pub(crate) fn trace<'a, I: Isa, S: Structure, F: CandidateFilter, C: Count, A: Answers>(
     tracer: &mut Tracer<'a, I, S, F, C>,
     rays: &'a [Ray],
+    order: &[u32],
     counts: &mut [C],
     answers: &mut A,
 ) {
@@ -159,6 +160,7 @@ pub(crate) fn trace<'a, I: Isa, S: Structure, F: CandidateFilter, C: Count, A: A
         options,
         filter,
         rays,
+        order,
         entries: hangar.entries,
         base: structure.root_memory(),
         memory: hangar.lines.as_mut_ptr(),
@@ -166,7 +168,7 @@ pub(crate) fn trace<'a, I: Isa, S: Structure, F: CandidateFilter, C: Count, A: A
     };
     let mut sets = Sets::default();
     let mut next = 0;
-    for slot in 0..IN_FLIGHT.min(rays.len()) {
+    for slot in 0..IN_FLIGHT.min(order.len()) {
         // SAFETY: the slot is one of the hangar and in no set.
         unsafe { pilot.start(slot as u32, &mut next, tracer, counts, answers, &mut sets) };
     }
@@ -206,19 +208,20 @@ pub(crate) fn trace<'a, I: Isa, S: Structure, F: CandidateFilter, C: Count, A: A
 }
 
 /// What all flights share.
-struct Pilot<'a, I, S, F> {
+struct Pilot<'a, 'b, I, S, F> {
     isa: I,
     structure: &'a S,
     options: &'a TraceOptions,
     filter: &'a F,
     rays: &'a [Ray],
+    order: &'b [u32],
     entries: usize,
     base: *const u8,
     memory: *mut Line,
     stride: usize,
 }
 
-impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, I, S, F> {
+impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
     #[inline(always)]
     fn flight<Q, C>(&self, slot: u32) -> *mut Flight<'a, Q, C> {
         debug_assert!((slot as usize) < IN_FLIGHT);
@@ -239,8 +242,9 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, I, S, F> {
         answers: &mut A,
         sets: &mut Sets,
     ) {
-        while let Some(ray) = self.rays.get(*next) {
-            let index = *next;
+        while let Some(&index) = self.order.get(*next) {
+            let index = index as usize;
+            let ray = &self.rays[index];
             *next += 1;
             let mut query = A::begin(ray);
             let entered = self.structure.enter_root(ray, self.options);

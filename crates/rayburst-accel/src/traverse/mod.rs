@@ -3,6 +3,8 @@
 pub(crate) mod all;
 pub(crate) mod answers;
 pub(crate) mod any;
+pub(crate) mod batch;
+pub(crate) mod bundle;
 pub(crate) mod closest;
 pub(crate) mod count;
 pub(crate) mod interleaved;

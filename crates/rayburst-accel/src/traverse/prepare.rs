@@ -20,11 +20,18 @@ use rayburst_math::{Aabb, Ray};
 use rayburst_simd::{ShearRay, SlabRay};
 
 /// Origins beyond this are misses: seen from there all vertices coincide.
-const MAX_ORIGIN: f32 = (1u128 << 90) as f32;
+pub(crate) const MAX_ORIGIN: f32 = (1u128 << 90) as f32;
 const EPSILON: f32 = 0.5 * f32::EPSILON;
-const SMALLEST_COMPONENT: f32 = 1.0 / (1u64 << 32) as f32;
+pub(crate) const SMALLEST_COMPONENT: f32 = 1.0 / (1u64 << 32) as f32;
 /// Lifts directions whose every component is subnormal.
 const LIFT: f32 = (1u128 << 64) as f32;
+
+/// By how much the planes of boxes are moved: the error bound above, from the greatest distances to
+/// vertices along an axis and along the longest one, and the origin.
+#[inline(always)]
+pub(crate) fn box_error(reach: f32, reach_z: f32, origin: f32) -> f32 {
+    8.0 * EPSILON * (reach + reach_z) + 4.0 * EPSILON * origin.abs()
+}
 
 /// An interval of internal distances, inclusive.
 #[derive(Clone, Copy, Debug)]

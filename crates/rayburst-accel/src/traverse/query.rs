@@ -38,6 +38,15 @@ pub(crate) trait Query {
     fn settle<I: Isa>(&mut self, isa: I, place: &Place<'_>, ray: &PreparedRay, span: &Span);
 }
 
+/// A query that wants one hit, and may be left to another traversal half-way.
+pub(crate) trait OneHit: Query {
+    /// The query of a ray that has found this in `place` so far.
+    fn resume(ray: &Ray, place: &Place<'_>, found: Option<&Candidate>) -> Self;
+
+    /// What was found; of queries that are not ordered only whether something was.
+    fn found(&self) -> Option<Candidate>;
+}
+
 /// A triangle that a ray meets within the interval.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Candidate {
@@ -59,7 +68,7 @@ pub(crate) struct Place<'a> {
     clockwise: bool,
     force_opaque: Option<bool>,
     /// Lanes kept of triangles that wind counter-clockwise, and of those that wind clockwise.
-    keep: [u32; 2],
+    pub(crate) keep: [u32; 2],
 }
 
 impl<'a> Place<'a> {
@@ -87,13 +96,13 @@ impl<'a> Place<'a> {
 
     /// Of lanes that wind counter-clockwise or not, those that show their front.
     #[inline(always)]
-    fn front(&self, counter_clockwise: u32) -> u32 {
+    pub(crate) fn front(&self, counter_clockwise: u32) -> u32 {
         if self.clockwise { !counter_clockwise } else { counter_clockwise }
     }
 
     /// Of lanes, those that the filter has a say in.
     #[inline(always)]
-    fn translucent(&self, block: &Triangles4) -> u32 {
+    pub(crate) fn translucent(&self, block: &Triangles4) -> u32 {
         match self.force_opaque {
             Some(true) => 0,
             Some(false) => u32::MAX,
@@ -214,7 +223,7 @@ pub(crate) fn settle_candidate<I: Isa>(
 
 /// Offers a query one by one the triangles of a block that a ray meets.
 #[inline(always)]
-fn test_each<I: Isa, Q: Query, F: CandidateFilter>(
+pub(crate) fn test_each<I: Isa, Q: Query, F: CandidateFilter>(
     isa: I,
     place: &Place<'_>,
     ray: &PreparedRay,

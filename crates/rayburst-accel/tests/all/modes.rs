@@ -1,9 +1,11 @@
 //! The modes of tracing give the same bits, whatever the structure, the options and the filter.
 
-use glam::Vec3;
+use std::sync::Arc;
+
+use glam::{Affine3A, Quat, Vec3};
 use rayburst_accel::{
-    AcceptAll, Blas, BuildOptions, CandidateFilter, Counters, Cull, FilterFn, IsaLevel, Tlas,
-    TraceMode, TraceOptions,
+    AcceptAll, Blas, BuildOptions, CandidateFilter, Counters, Cull, FilterFn, Instance,
+    InstanceFlags, IsaLevel, Tlas, TraceMode, TraceOptions,
 };
 use rayburst_math::{Hit, Ray};
 
@@ -12,7 +14,8 @@ use crate::{
     meshes::{Mesh, QUALITIES, Random, degenerate, grid_box, needles, ray_at, soup, sphere},
 };
 
-const MODES: [TraceMode; 3] = [TraceMode::Single, TraceMode::Interleaved, TraceMode::Auto];
+const MODES: [TraceMode; 4] =
+    [TraceMode::Single, TraceMode::Interleaved, TraceMode::Packet, TraceMode::Auto];
 
 /// Answers of a batch: nearest hits, and whether there are any.
 type Answers = (Vec<Hit>, Vec<bool>);
@@ -79,6 +82,45 @@ fn rays(seed: u64, count: usize, mesh: &Mesh) -> Vec<Ray> {
         .collect()
 }
 
+/// Rays in groups that go the same way: from a point, to a point, and side by side; some exactly to
+/// corners and edges, along axes, in planes of boxes, with intervals that end at a triangle.
+fn coherent_rays(seed: u64, groups: usize, mesh: &Mesh) -> Vec<Ray> {
+    let mut random = Random::new(seed);
+    let mut rays = vec![];
+    for group in 0..groups {
+        let apex = 2.0 * random.vector();
+        let corners = mesh.triangle(random.below(mesh.indices.len()));
+        let towards = corners[0] - apex;
+        let spread = [0.02, 0.1, 0.4][random.below(3)];
+        let axis = [Vec3::X, Vec3::NEG_Y, Vec3::Z][random.below(3)];
+        for i in 0..64 {
+            let bend = spread * random.vector();
+            let middle = corners[i % 3].lerp(corners[(i + 1) % 3], 0.5 * (i % 3) as f32);
+            let ray = match group % 8 {
+                0 => Ray::new(apex, towards.normalize_or(axis) + bend),
+                1 => Ray::new(apex + bend, towards - bend),
+                2 => Ray::new(apex + bend, towards),
+                // At corners and middles of edges.
+                3 => Ray::new(apex, middle - apex),
+                // Along an axis from points in the mesh's planes, and on its corners.
+                4 => Ray::new(middle - 3.0 * axis + spread * axis.cross(bend), axis),
+                5 => Ray::new(mesh.triangle(i % mesh.indices.len())[0] - 2.0 * axis, axis),
+                // From points on surfaces, to the light.
+                6 => Ray::with_interval(middle + bend, apex - middle - bend, 1e-4, 1.0),
+                _ => Ray::with_interval(apex, middle - apex + 0.01 * bend, 0.0, 1.0),
+            };
+            // Some that belong in no bundle.
+            rays.push(match i % 23 {
+                11 if group % 3 == 0 => Ray { t_min: -1.0, ..ray },
+                17 if group % 3 == 1 => Ray { direction: -ray.direction, ..ray },
+                19 if group % 3 == 2 => Ray { origin: Vec3::splat(f32::NAN), ..ray },
+                _ => ray,
+            });
+        }
+    }
+    rays
+}
+
 /// Compares all modes, in batches of many lengths, with rays one by one; returns the hits.
 fn check(structure: &impl Trace, rays: &[Ray]) -> usize {
     let sieve =
@@ -122,7 +164,7 @@ fn modes_agree_on_meshes_of_every_kind_and_build() {
         soup(75, 400, 0.1).map(|p| 1e-6 * p + Vec3::splat(0.3)),
     ];
     for mesh in &meshes {
-        let rays = rays(76, 1600, mesh);
+        let rays = [rays(76, 1600, mesh), coherent_rays(80, 40, mesh)].concat();
         for isa in IsaLevel::available() {
             for quality in QUALITIES {
                 let options = BuildOptions { quality, isa: Some(isa), ..BuildOptions::default() };
@@ -137,8 +179,35 @@ fn modes_agree_on_meshes_of_every_kind_and_build() {
 fn modes_agree_among_instances() {
     for isa in IsaLevel::available() {
         let (tlas, flat, _) = instances::scene(isa);
-        let hits = check(&tlas, &rays(77, 1600, &flat));
+        let hits = check(&tlas, &[rays(77, 1600, &flat), coherent_rays(81, 40, &flat)].concat());
         assert!(hits > 1000, "{hits}");
+    }
+}
+
+#[test]
+fn modes_agree_in_one_instance() {
+    let mesh = soup(82, 500, 0.2);
+    let turned = Affine3A::from_scale_rotation_translation(
+        Vec3::new(1.5, -0.5, 1.0),
+        Quat::from_rotation_y(0.7),
+        Vec3::new(0.1, 0.2, 0.3),
+    );
+    let flat = mesh.clone().map(|p| turned.transform_point3(p));
+    let rays = coherent_rays(83, 40, &flat);
+    for isa in IsaLevel::available() {
+        for front_clockwise in [false, true] {
+            let flags = InstanceFlags { front_clockwise, ..InstanceFlags::default() };
+            let instances = [
+                Instance { flags, ..Instance::new(0, turned) },
+                // Never hit: what is left is one instance.
+                Instance::new(0, Affine3A::ZERO),
+            ];
+            let options = BuildOptions { isa: Some(isa), ..BuildOptions::default() };
+            let geometry = rayburst_accel::TriangleMesh { opaque: false, ..mesh.geometry() };
+            let blas = Arc::new(Blas::build(&[geometry], &options).unwrap());
+            let hits = check(&Tlas::build(vec![blas], &instances, &options).unwrap(), &rays);
+            assert!(hits > 1000, "{hits}");
+        }
     }
 }
 

@@ -1,0 +1,100 @@
+//! What becomes of a batch of rays: bundles where consecutive rays go the same way, the others
+//! interleaved.
+
+use std::cell::Cell;
+
+use rayburst_math::Ray;
+use rayburst_simd::Isa;
+
+use super::{
+    answers::Answers,
+    bundle::{self, BUNDLE},
+    count::Count,
+    interleaved,
+};
+use crate::{
+    CandidateFilter, TraceMode,
+    structure::{Structure, Tracer},
+};
+
+/// Rays that are looked at before those without a bundle are traced.
+const PIECE: usize = 64 * BUNDLE;
+
+thread_local! {
+    /// Indices of rays without a bundle, kept between batches; taken while in use.
+    static OTHERS: Cell<Vec<u32>> = const { Cell::new(Vec::new()) };
+}
+
+/// Traces a batch.
+#[inline(always)]
+pub(crate) fn trace<'a, I: Isa, S: Structure, F: CandidateFilter, C: Count, A: Answers>(
+    tracer: &mut Tracer<'a, I, S, F, C>,
+    rays: &'a [Ray],
+    counts: &mut [C],
+    answers: &mut A,
+) {
+    let mode = tracer.options.mode;
+    let bundles = !S::TWO_LEVEL && mode != TraceMode::Interleaved;
+    let mut others = OTHERS.take();
+    let mut luck = Luck::default();
+    for piece in (0..rays.len()).step_by(PIECE) {
+        others.clear();
+        let end = (piece + PIECE).min(rays.len());
+        for first in (piece..end).step_by(BUNDLE) {
+            let part = first..(first + BUNDLE).min(end);
+            let before = others.len();
+            if bundles
+                && (mode == TraceMode::Packet || (is_coherent(&rays[part.clone()]) && luck.tries()))
+            {
+                bundle::trace(tracer, rays, first, counts, answers, &mut others);
+                luck.note(2 * (others.len() - before) < part.len());
+            } else {
+                others.extend(part.map(|index| index as u32));
+            }
+        }
+        if !others.is_empty() {
+            interleaved::trace(tracer, rays, &others, counts, answers);
+        }
+    }
+    OTHERS.set(others);
+}
+
+/// Whether a few rays of a part go about the same way.
+#[inline(always)]
+fn is_coherent(part: &[Ray]) -> bool {
+    let [first, .., last] = part else {
+        return false;
+    };
+    let leads = first.direction;
+    let alike = |ray: &Ray| {
+        let (d, cosine) = (ray.direction, leads.dot(ray.direction));
+        // Within 37°.
+        cosine > 0.0 && cosine * cosine > 0.64 * leads.length_squared() * d.length_squared()
+    };
+    part.len() >= BUNDLE / 2
+        && alike(last)
+        && alike(&part[part.len() / 3])
+        && alike(&part[part.len() * 2 / 3])
+}
+
+/// Whether bundles paid lately: after failures they are tried now and then only.
+#[derive(Default)]
+struct Luck {
+    failures: u32,
+    waits: u32,
+}
+
+impl Luck {
+    #[inline(always)]
+    fn tries(&mut self) -> bool {
+        let tries = self.waits == 0;
+        self.waits = self.waits.saturating_sub(1);
+        tries
+    }
+
+    #[inline(always)]
+    fn note(&mut self, paid: bool) {
+        self.failures = if paid { 0 } else { (self.failures + 1).min(5) };
+        self.waits = if self.failures < 2 { 0 } else { (1 << self.failures) - 1 };
+    }
+}

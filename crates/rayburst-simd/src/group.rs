@@ -1,0 +1,236 @@
+//! Sixteen rays that go the same way, side by side: what bundles of coherent rays are made of.
+//!
+//! The rays of a group agree in the signs of their directions and in the longest component
+//! ([`GroupAxes`]), so that all of them meet the same planes first and permute their axes alike. The
+//! tests are those of [`crate::SlabRay`] and [`crate::ShearRay`], one box or triangle against sixteen
+//! rays; the triangle test gives the bits of the others.
+
+use crate::{
+    Boxes8, Triangles4,
+    triangles::{AXES, LARGE, ROW_BYTES as TRIANGLE_ROW, SMALL},
+};
+
+/// Rays in a group.
+pub const GROUP: usize = 16;
+
+/// A number for each ray of a group.
+pub type Row16 = [f32; GROUP];
+
+/// Sixteen prepared rays and what they have found.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub struct Group16 {
+    /// One over the direction.
+    pub inverse: [Row16; 3],
+    /// What is subtracted from the distance to planes that are met first.
+    pub near_offset: [Row16; 3],
+    /// What is subtracted from the distance to the other planes.
+    pub far_offset: [Row16; 3],
+    /// The origin along the axes that become x, y and z.
+    pub origin: [Row16; 3],
+    /// Shears of x and y, scale of z.
+    pub shear: [Row16; 3],
+    /// Where the interval starts, not negative.
+    pub t_min: Row16,
+    /// Where it ends: at the nearest hit so far. −1 for rays that are not traced (any more).
+    pub t_max: Row16,
+    /// Barycentric coordinate of the second corner.
+    pub u: Row16,
+    /// Barycentric coordinate of the third corner.
+    pub v: Row16,
+    /// Which triangle was hit.
+    pub id: [u32; GROUP],
+    /// Rays whose triangle winds counter-clockwise, as bits.
+    pub front: u32,
+}
+
+impl Group16 {
+    /// A group of no rays.
+    pub const NONE: Self = Self {
+        inverse: [[1.0; GROUP]; 3],
+        near_offset: [[0.0; GROUP]; 3],
+        far_offset: [[0.0; GROUP]; 3],
+        origin: [[0.0; GROUP]; 3],
+        shear: [[0.0; GROUP]; 3],
+        t_min: [0.0; GROUP],
+        t_max: [-1.0; GROUP],
+        u: [0.0; GROUP],
+        v: [0.0; GROUP],
+        id: [u32::MAX; GROUP],
+        front: 0,
+    };
+}
+
+/// What the rays of a group have in common.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GroupAxes {
+    /// Where the rows of the planes met first start in [`Boxes8`], in bytes.
+    near_row: [u32; 3],
+    /// Where the rows of the permuted axes start in a corner of [`Triangles4`], in bytes.
+    rows: [u32; 3],
+}
+
+impl GroupAxes {
+    /// For directions with these signs whose component of this axis is the longest.
+    pub fn new(negative: [bool; 3], longest: usize) -> Self {
+        let longest = longest % 3;
+        let axes = AXES[longest + 3 * usize::from(negative[longest])];
+        let near = |axis: usize| (2 * axis as u32 + u32::from(negative[axis])) * 32;
+        Self {
+            near_row: [near(0), near(1), near(2)],
+            rows: axes.map(|axis| TRIANGLE_ROW * u32::from(axis)),
+        }
+    }
+
+    /// The axes that become x, y and z.
+    #[inline(always)]
+    pub fn axes(&self) -> [usize; 3] {
+        self.rows.map(|row| (row / TRIANGLE_ROW) as usize)
+    }
+
+    /// The rows of [`Boxes8::planes`] that are met first; the others are these with the lowest bit
+    /// flipped.
+    #[inline(always)]
+    pub fn near_plane(&self) -> [usize; 3] {
+        self.near_row.map(|row| (row / 32) as usize)
+    }
+
+    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
+    pub(crate) fn near_row(&self) -> [usize; 3] {
+        self.near_row.map(|row| row as usize)
+    }
+
+    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
+    pub(crate) fn rows(&self) -> [usize; 3] {
+        self.rows.map(|row| row as usize)
+    }
+}
+
+/// An interval of rays: every ray of it has, along each axis, one of its inverse directions and
+/// offsets within these bounds.
+///
+/// The distance to plane `p` of an axis is no less than the lesser of
+/// `p · scale[i] − near_offset[i]`, and no greater than the greater of `p · scale[i] − far_offset[i]`,
+/// for `i` zero and one (interval arithmetic; Boulos, Wald, Shirley, "Geometric and arithmetic culling
+/// methods for entire ray packets", 2006).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Frustum {
+    /// The least and the greatest inverse direction.
+    pub scale: [[f32; 2]; 3],
+    /// The greatest offset of a near plane at each scale.
+    pub near_offset: [[f32; 2]; 3],
+    /// The least offset of a far plane at each scale.
+    pub far_offset: [[f32; 2]; 3],
+}
+
+/// [`crate::Isa::frustum8`] in plain Rust.
+#[inline(always)]
+pub(crate) fn frustum8(
+    boxes: &Boxes8,
+    axes: &GroupAxes,
+    frustum: &Frustum,
+    t_min: f32,
+    t_max: f32,
+    distances: &mut [f32; 8],
+) -> u32 {
+    let (mut near, mut far) = ([t_min; 8], [t_max; 8]);
+    for axis in 0..3 {
+        let row = axes.near_plane()[axis];
+        let (near_planes, far_planes) = (&boxes.planes[row], &boxes.planes[row ^ 1]);
+        let [a, b] = frustum.scale[axis];
+        let [near_a, near_b] = frustum.near_offset[axis];
+        let [far_a, far_b] = frustum.far_offset[axis];
+        for slot in 0..8 {
+            let (p, q) = (near_planes[slot], far_planes[slot]);
+            near[slot] = near[slot].max((p * a - near_a).min(p * b - near_b));
+            far[slot] = far[slot].min((q * a - far_a).max(q * b - far_b));
+        }
+    }
+    *distances = near;
+    (0..8).fold(0, |mask, slot| mask | (u32::from(near[slot] <= far[slot]) << slot))
+}
+
+/// [`crate::Isa::box16`] in plain Rust.
+#[inline(always)]
+pub(crate) fn box16(boxes: &Boxes8, slot: usize, axes: &GroupAxes, group: &Group16) -> u32 {
+    let (mut near, mut far) = (group.t_min, group.t_max);
+    for axis in 0..3 {
+        let row = axes.near_plane()[axis];
+        let (p, q) = (boxes.planes[row][slot % 8], boxes.planes[row ^ 1][slot % 8]);
+        for ray in 0..GROUP {
+            let inverse = group.inverse[axis][ray];
+            near[ray] = near[ray].max(p * inverse - group.near_offset[axis][ray]);
+            far[ray] = far[ray].min(q * inverse - group.far_offset[axis][ray]);
+        }
+    }
+    (0..GROUP).fold(0, |mask, ray| mask | (u32::from(near[ray] <= far[ray]) << ray))
+}
+
+/// [`crate::Isa::triangle16`] in plain Rust.
+#[inline(always)]
+pub(crate) fn triangle16<const NEAREST: bool>(
+    block: &Triangles4,
+    lane: usize,
+    axes: &GroupAxes,
+    group: &mut Group16,
+    question: &Question16,
+) -> (u32, u32) {
+    let (mut met, mut doubtful) = (0, 0);
+    for ray in (0..GROUP).filter(|ray| question.active >> ray & 1 != 0) {
+        let bit = 1 << ray;
+        let corner = |corner: usize| {
+            let relative =
+                |k: usize| block.vertices[corner][axes.axes()[k]][lane % 4] - group.origin[k][ray];
+            let z = relative(2);
+            (
+                relative(0) - group.shear[0][ray] * z,
+                relative(1) - group.shear[1][ray] * z,
+                group.shear[2][ray] * z,
+            )
+        };
+        let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (corner(0), corner(1), corner(2));
+        let u = cx * by - cy * bx;
+        let v = ax * cy - ay * cx;
+        let w = bx * ay - by * ax;
+        let (least, greatest) = (u.min(v).min(w), u.max(v).max(w));
+        if least < 0.0 && greatest > 0.0 {
+            continue;
+        }
+        let det = u + v + w;
+        let size = det.abs();
+        #[allow(clippy::manual_range_contains, reason = "lanes of NaN are not delicate")]
+        let delicate = (size < SMALL) | (size > LARGE) | (least == 0.0) | (greatest == 0.0);
+        let t = (u * az + v * bz + w * cz) / det;
+        let within = t >= group.t_min[ray] && t <= group.t_max[ray];
+        let kept = question.keep[usize::from(det <= 0.0)] != 0;
+        if delicate || (within && (t.abs() < question.smallest || t == group.t_max[ray])) {
+            doubtful |= bit;
+        } else if within && kept {
+            met |= bit;
+            if NEAREST {
+                // Makes −0 a 0.
+                group.t_max[ray] = t + 0.0;
+                (group.u[ray], group.v[ray]) = (v / det, w / det);
+                group.id[ray] = question.id;
+                group.front = (group.front & !bit) | if det > 0.0 { bit } else { 0 };
+            }
+        }
+    }
+    (met, doubtful)
+}
+
+/// What [`crate::Isa::triangle16`] is asked.
+#[derive(Clone, Copy, Debug)]
+pub struct Question16 {
+    /// Rays that are asked about, as bits.
+    pub active: u32,
+    /// Whether triangles may be met that wind counter-clockwise seen from the origin, and clockwise:
+    /// all bits or none.
+    pub keep: [u32; 2],
+    /// The least distance that is beyond doubt.
+    pub smallest: f32,
+    /// What becomes the id of rays that meet the triangle.
+    pub id: u32,
+}

@@ -1,0 +1,399 @@
+//! [`crate::group`] in vectors of eight and sixteen lanes, written once over [`Lanes`].
+//!
+//! Like [`crate::x86`], the functions have no features of their own: they become instructions where
+//! they are inlined.
+
+use std::arch::x86_64::*;
+
+use crate::{
+    Boxes8, Frustum, Group16, GroupAxes, Question16, SlabRay, Triangles4,
+    triangles::{LARGE, SMALL},
+};
+
+/// Vectors of numbers, with masks as bits. All are unsafe for one reason: the CPU must have the
+/// instructions.
+trait Lanes: Copy {
+    const N: usize;
+    const ALL: u32 = ((1u64 << Self::N) - 1) as u32;
+
+    unsafe fn load(address: *const f32) -> Self;
+    unsafe fn splat(number: f32) -> Self;
+    unsafe fn add(self, other: Self) -> Self;
+    unsafe fn sub(self, other: Self) -> Self;
+    unsafe fn mul(self, other: Self) -> Self;
+    unsafe fn div(self, other: Self) -> Self;
+    unsafe fn mul_sub(self, factor: Self, subtrahend: Self) -> Self;
+    unsafe fn min(self, other: Self) -> Self;
+    unsafe fn max(self, other: Self) -> Self;
+    unsafe fn abs(self) -> Self;
+    /// Comparisons are false for NaN.
+    unsafe fn lt(self, other: Self) -> u32;
+    unsafe fn le(self, other: Self) -> u32;
+    unsafe fn eq(self, other: Self) -> u32;
+    /// Replaces the lanes of `mask`.
+    unsafe fn store(self, address: *mut f32, mask: u32);
+}
+
+/// Eight lanes of AVX2.
+#[derive(Clone, Copy)]
+struct F8(__m256);
+
+/// The lanes of `mask` as a vector.
+#[inline(always)]
+unsafe fn lanes_of(mask: u32) -> __m256i {
+    // SAFETY: the caller's CPU has AVX2.
+    unsafe {
+        let bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+        _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32(mask as i32), bits), bits)
+    }
+}
+
+// SAFETY (of all blocks below): the CPU has the instructions by the trait's contract; addresses are
+// those of as many numbers as there are lanes.
+impl Lanes for F8 {
+    const N: usize = 8;
+
+    #[inline(always)]
+    unsafe fn load(address: *const f32) -> Self {
+        // SAFETY: see above.
+        Self(unsafe { _mm256_load_ps(address) })
+    }
+    #[inline(always)]
+    unsafe fn splat(number: f32) -> Self {
+        // SAFETY: see above.
+        Self(unsafe { _mm256_set1_ps(number) })
+    }
+    #[inline(always)]
+    unsafe fn add(self, other: Self) -> Self {
+        // SAFETY: see above.
+        Self(unsafe { _mm256_add_ps(self.0, other.0) })
+    }
+    #[inline(always)]
+    unsafe fn sub(self, other: Self) -> Self {
+        // SAFETY: see above.
+        Self(unsafe { _mm256_sub_ps(self.0, other.0) })
+    }
+    #[inline(always)]
+    unsafe fn mul(self, other: Self) -> Self {
+        // SAFETY: see above.
+        Self(unsafe { _mm256_mul_ps(self.0, other.0) })
+    }
+    #[inline(always)]
+    unsafe fn div(self, other: Self) -> Self {
+        // SAFETY: see above.
+        Self(unsafe { _mm256_div_ps(self.0, other.0) })
+    }
+    #[inline(always)]
+    unsafe fn mul_sub(self, factor: Self, subtrahend: Self) -> Self {
+        // SAFETY: see above.
+        Self(unsafe { _mm256_fmsub_ps(self.0, factor.0, subtrahend.0) })
+    }
+    #[inline(always)]
+    unsafe fn min(self, other: Self) -> Self {
+        // SAFETY: see above.
+        Self(unsafe { _mm256_min_ps(self.0, other.0) })
+    }
+    #[inline(always)]
+    unsafe fn max(self, other: Self) -> Self {
+        // SAFETY: see above.
+        Self(unsafe { _mm256_max_ps(self.0, other.0) })
+    }
+    #[inline(always)]
+    unsafe fn abs(self) -> Self {
+        // SAFETY: see above.
+        Self(unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0) })
+    }
+    #[inline(always)]
+    unsafe fn lt(self, other: Self) -> u32 {
+        // SAFETY: see above.
+        unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(self.0, other.0)) as u32 }
+    }
+    #[inline(always)]
+    unsafe fn le(self, other: Self) -> u32 {
+        // SAFETY: see above.
+        unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(self.0, other.0)) as u32 }
+    }
+    #[inline(always)]
+    unsafe fn eq(self, other: Self) -> u32 {
+        // SAFETY: see above.
+        unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_EQ_OQ>(self.0, other.0)) as u32 }
+    }
+    #[inline(always)]
+    unsafe fn store(self, address: *mut f32, mask: u32) {
+        // SAFETY: see above.
+        unsafe { _mm256_maskstore_ps(address, lanes_of(mask), self.0) }
+    }
+}
+
+/// Sixteen lanes of AVX-512.
+#[derive(Clone, Copy)]
+struct F16(__m512);
+
+impl Lanes for F16 {
+    const N: usize = 16;
+
+    #[inline(always)]
+    unsafe fn load(address: *const f32) -> Self {
+        // SAFETY: see above.
+        Self(unsafe { _mm512_load_ps(address) })
+    }
+    #[inline(always)]
+    unsafe fn splat(number: f32) -> Self {
+        // SAFETY: see above.
+        Self(unsafe { _mm512_set1_ps(number) })
+    }
+    #[inline(always)]
+    unsafe fn add(self, other: Self) -> Self {
+        // SAFETY: see above.
+        Self(unsafe { _mm512_add_ps(self.0, other.0) })
+    }
+    #[inline(always)]
+    unsafe fn sub(self, other: Self) -> Self {
+        // SAFETY: see above.
+        Self(unsafe { _mm512_sub_ps(self.0, other.0) })
+    }
+    #[inline(always)]
+    unsafe fn mul(self, other: Self) -> Self {
+        // SAFETY: see above.
+        Self(unsafe { _mm512_mul_ps(self.0, other.0) })
+    }
+    #[inline(always)]
+    unsafe fn div(self, other: Self) -> Self {
+        // SAFETY: see above.
+        Self(unsafe { _mm512_div_ps(self.0, other.0) })
+    }
+    #[inline(always)]
+    unsafe fn mul_sub(self, factor: Self, subtrahend: Self) -> Self {
+        // SAFETY: see above.
+        Self(unsafe { _mm512_fmsub_ps(self.0, factor.0, subtrahend.0) })
+    }
+    #[inline(always)]
+    unsafe fn min(self, other: Self) -> Self {
+        // SAFETY: see above.
+        Self(unsafe { _mm512_min_ps(self.0, other.0) })
+    }
+    #[inline(always)]
+    unsafe fn max(self, other: Self) -> Self {
+        // SAFETY: see above.
+        Self(unsafe { _mm512_max_ps(self.0, other.0) })
+    }
+    #[inline(always)]
+    unsafe fn abs(self) -> Self {
+        // SAFETY: see above.
+        Self(unsafe { _mm512_abs_ps(self.0) })
+    }
+    #[inline(always)]
+    unsafe fn lt(self, other: Self) -> u32 {
+        // SAFETY: see above.
+        unsafe { u32::from(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(self.0, other.0)) }
+    }
+    #[inline(always)]
+    unsafe fn le(self, other: Self) -> u32 {
+        // SAFETY: see above.
+        unsafe { u32::from(_mm512_cmp_ps_mask::<_CMP_LE_OQ>(self.0, other.0)) }
+    }
+    #[inline(always)]
+    unsafe fn eq(self, other: Self) -> u32 {
+        // SAFETY: see above.
+        unsafe { u32::from(_mm512_cmp_ps_mask::<_CMP_EQ_OQ>(self.0, other.0)) }
+    }
+    #[inline(always)]
+    unsafe fn store(self, address: *mut f32, mask: u32) {
+        // SAFETY: see above.
+        unsafe { _mm512_mask_storeu_ps(address, mask as u16, self.0) }
+    }
+}
+
+/// Runs for the lanes from `$first` on, of as many as a vector has; collects masks.
+macro_rules! groups_of_lanes {
+    ($lanes:ident, |$first:ident| $body:expr) => {{
+        let (mut one, mut two) = (0, 0);
+        let mut $first = 0;
+        while $first < 16 {
+            let (a, b): (u32, u32) = $body;
+            one |= a << $first;
+            two |= b << $first;
+            $first += $lanes::N;
+        }
+        (one, two)
+    }};
+}
+
+/// [`crate::Isa::frustum8`].
+///
+/// # Safety
+/// The CPU must have AVX2 and FMA.
+#[inline(always)]
+pub(crate) unsafe fn frustum8(
+    boxes: &Boxes8,
+    axes: &GroupAxes,
+    frustum: &Frustum,
+    t_min: f32,
+    t_max: f32,
+    distances: &mut [f32; 8],
+) -> u32 {
+    // SAFETY: the caller's promise; `GroupAxes` holds starts of rows of 32 bytes of `planes`.
+    unsafe {
+        let rows = axes.near_row();
+        let plane = |row: usize| F8::load(boxes.planes.as_ptr().byte_add(row).cast());
+        let near = |axis: usize| {
+            let (p, scale, offset) =
+                (plane(rows[axis]), frustum.scale[axis], frustum.near_offset[axis]);
+            let a = p.mul_sub(F8::splat(scale[0]), F8::splat(offset[0]));
+            a.min(p.mul_sub(F8::splat(scale[1]), F8::splat(offset[1])))
+        };
+        let far = |axis: usize| {
+            let p = plane(rows[axis] ^ SlabRay::FAR_ROW);
+            let (scale, offset) = (frustum.scale[axis], frustum.far_offset[axis]);
+            let a = p.mul_sub(F8::splat(scale[0]), F8::splat(offset[0]));
+            a.max(p.mul_sub(F8::splat(scale[1]), F8::splat(offset[1])))
+        };
+        let near = near(0).max(near(1)).max(near(2).max(F8::splat(t_min)));
+        let far = far(0).min(far(1)).min(far(2).min(F8::splat(t_max)));
+        _mm256_storeu_ps(distances.as_mut_ptr(), near.0);
+        near.le(far)
+    }
+}
+
+#[inline(always)]
+unsafe fn box_lanes<L: Lanes>(
+    boxes: &Boxes8,
+    slot: usize,
+    axes: &GroupAxes,
+    group: &Group16,
+) -> u32 {
+    // SAFETY: the caller's CPU has the instructions; `GroupAxes` holds starts of rows of `planes`,
+    // each of eight slots; rows of a group have sixteen numbers, aligned to 64 bytes.
+    unsafe {
+        let rows = axes.near_row();
+        let slot = slot % 8;
+        let plane =
+            |row: usize| L::splat(*boxes.planes.as_ptr().byte_add(row).cast::<f32>().add(slot));
+        let planes = [plane(rows[0]), plane(rows[1]), plane(rows[2])];
+        let far_planes = [
+            plane(rows[0] ^ SlabRay::FAR_ROW),
+            plane(rows[1] ^ SlabRay::FAR_ROW),
+            plane(rows[2] ^ SlabRay::FAR_ROW),
+        ];
+        groups_of_lanes!(L, |first| {
+            let row = |row: &[f32; 16]| L::load(row.as_ptr().add(first));
+            let inverse = [row(&group.inverse[0]), row(&group.inverse[1]), row(&group.inverse[2])];
+            let near = |k: usize| planes[k].mul_sub(inverse[k], row(&group.near_offset[k]));
+            let far = |k: usize| far_planes[k].mul_sub(inverse[k], row(&group.far_offset[k]));
+            let near = near(0).max(near(1)).max(near(2).max(row(&group.t_min)));
+            let far = far(0).min(far(1)).min(far(2).min(row(&group.t_max)));
+            (near.le(far), 0)
+        })
+        .0
+    }
+}
+
+#[inline(always)]
+unsafe fn triangle_lanes<L: Lanes, const NEAREST: bool>(
+    block: &Triangles4,
+    lane: usize,
+    axes: &GroupAxes,
+    group: &mut Group16,
+    question: &Question16,
+) -> (u32, u32) {
+    // SAFETY: the caller's CPU has the instructions; `GroupAxes` holds starts of rows of a corner,
+    // each of four lanes; rows of a group have sixteen numbers, aligned to 64 bytes.
+    unsafe {
+        let rows = axes.rows();
+        let lane = lane % 4;
+        let vertex = |corner: usize, k: usize| {
+            let row = block.vertices.as_ptr().add(corner).byte_add(rows[k]).cast::<f32>();
+            L::splat(*row.add(lane))
+        };
+        groups_of_lanes!(L, |first| {
+            let active = question.active >> first & L::ALL;
+            let row = |row: &[f32; 16]| L::load(row.as_ptr().add(first));
+            let origin = [row(&group.origin[0]), row(&group.origin[1]), row(&group.origin[2])];
+            let shear = [row(&group.shear[0]), row(&group.shear[1])];
+            let sheared = |corner: usize| {
+                let z = vertex(corner, 2).sub(origin[2]);
+                let x = vertex(corner, 0).sub(origin[0]).sub(shear[0].mul(z));
+                let y = vertex(corner, 1).sub(origin[1]).sub(shear[1].mul(z));
+                (x, y, z)
+            };
+            let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (sheared(0), sheared(1), sheared(2));
+            // Rounded term by term: nothing may be fused.
+            let u = cx.mul(by).sub(cy.mul(bx));
+            let v = ax.mul(cy).sub(ay.mul(cx));
+            let w = bx.mul(ay).sub(by.mul(ax));
+            let zero = L::splat(0.0);
+            let (least, greatest) = (u.min(v).min(w), u.max(v).max(w));
+            let mixed = least.lt(zero) & zero.lt(greatest);
+            let alive = active & !mixed;
+            if alive == 0 {
+                (0, 0)
+            } else {
+                let det = u.add(v).add(w);
+                let size = det.abs();
+                let delicate = least.eq(zero)
+                    | greatest.eq(zero)
+                    | size.lt(L::splat(SMALL))
+                    | L::splat(LARGE).lt(size);
+                let scale = row(&group.shear[2]);
+                let (az, bz, cz) = (scale.mul(az), scale.mul(bz), scale.mul(cz));
+                let t = u.mul(az).add(v.mul(bz)).add(w.mul(cz)).div(det);
+                let (t_min, t_max) = (row(&group.t_min), row(&group.t_max));
+                let within = alive & t_min.le(t) & t.le(t_max);
+                let tiny = t.abs().lt(L::splat(question.smallest)) | t.eq(t_max);
+                let doubtful = (alive & delicate) | (within & tiny);
+                let front = zero.lt(det);
+                let kept = (front & question.keep[0]) | (!front & question.keep[1]);
+                let met = within & kept & !doubtful;
+                if NEAREST && met != 0 {
+                    // Adding zero makes −0 a 0.
+                    t.add(zero).store(group.t_max.as_mut_ptr().add(first), met);
+                    v.div(det).store(group.u.as_mut_ptr().add(first), met);
+                    w.div(det).store(group.v.as_mut_ptr().add(first), met);
+                    let id = L::splat(f32::from_bits(question.id));
+                    id.store(group.id.as_mut_ptr().add(first).cast(), met);
+                    group.front = (group.front & !(met << first)) | (front & met) << first;
+                }
+                (met, doubtful)
+            }
+        })
+    }
+}
+
+/// The operations of one vector width.
+macro_rules! operations {
+    ($box16:ident, $triangle16:ident, $lanes:ident, $needs:literal) => {
+        /// [`crate::Isa::box16`].
+        ///
+        /// # Safety
+        #[doc = $needs]
+        #[inline(always)]
+        pub(crate) unsafe fn $box16(
+            boxes: &Boxes8,
+            slot: usize,
+            axes: &GroupAxes,
+            group: &Group16,
+        ) -> u32 {
+            // SAFETY: the caller's promise.
+            unsafe { box_lanes::<$lanes>(boxes, slot, axes, group) }
+        }
+
+        /// [`crate::Isa::triangle16`].
+        ///
+        /// # Safety
+        #[doc = $needs]
+        #[inline(always)]
+        pub(crate) unsafe fn $triangle16<const NEAREST: bool>(
+            block: &Triangles4,
+            lane: usize,
+            axes: &GroupAxes,
+            group: &mut Group16,
+            question: &Question16,
+        ) -> (u32, u32) {
+            // SAFETY: the caller's promise.
+            unsafe { triangle_lanes::<$lanes, NEAREST>(block, lane, axes, group, question) }
+        }
+    };
+}
+
+operations!(box16_avx2, triangle16_avx2, F8, "The CPU must have AVX2 and FMA.");
+operations!(box16_avx512, triangle16_avx512, F16, "The CPU must have AVX-512 F, DQ and AVX2.");
