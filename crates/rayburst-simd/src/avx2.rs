@@ -3,8 +3,8 @@
 use std::arch::x86_64::*;
 
 use crate::{
-    Boxes8, Frustum, Group16, GroupAxes, Isa, Kernel, Nearest, Question16, ShearRay, SlabRay,
-    TriangleHits, Triangles4, isa::SLOT, x86, x86_group,
+    Boxes8, Extent16, Frustum, Group16, GroupAxes, Isa, Kernel, Nearest, Preparation16, Question16,
+    Rays16, ShearRay, SlabRay, TriangleHits, Triangles4, isa::SLOT, x86, x86_group,
 };
 
 /// Proof that the CPU has AVX2, FMA, BMI1, BMI2, F16C, LZCNT and POPCNT.
@@ -108,6 +108,25 @@ impl Isa for Avx2 {
     ) -> Nearest {
         // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
         unsafe { x86::nearest4(block, ray, t_min, t_max, keep) }
+    }
+
+    #[inline(always)]
+    fn load16(self, rays: &[[f32; 8]; 16], to: &mut Rays16) {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { x86_group::load16(rays, to) }
+    }
+
+    #[inline(always)]
+    fn prepare16(
+        self,
+        rays: &Rays16,
+        how: &Preparation16,
+        axes: &GroupAxes,
+        group: &mut Group16,
+        extent: &mut Extent16,
+    ) {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { x86_group::prepare16_avx2(rays, how, axes, group, extent) }
     }
 
     #[inline(always)]

@@ -4,8 +4,8 @@
 use std::arch::x86_64::*;
 
 use crate::{
-    Boxes8, Frustum, Group16, GroupAxes, Isa, Kernel, Nearest, Question16, ShearRay, SlabRay,
-    TriangleHits, Triangles4, isa::SLOT, x86, x86_group,
+    Boxes8, Extent16, Frustum, Group16, GroupAxes, Isa, Kernel, Nearest, Preparation16, Question16,
+    Rays16, ShearRay, SlabRay, TriangleHits, Triangles4, isa::SLOT, x86, x86_group,
 };
 
 /// Proof that the CPU has AVX-512 F, VL, BW, DQ and CD, and all of [`crate::Avx2`].
@@ -110,6 +110,25 @@ impl Isa for Avx512 {
     ) -> Nearest {
         // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
         unsafe { x86::nearest4(block, ray, t_min, t_max, keep) }
+    }
+
+    #[inline(always)]
+    fn load16(self, rays: &[[f32; 8]; 16], to: &mut Rays16) {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { x86_group::load16(rays, to) }
+    }
+
+    #[inline(always)]
+    fn prepare16(
+        self,
+        rays: &Rays16,
+        how: &Preparation16,
+        axes: &GroupAxes,
+        group: &mut Group16,
+        extent: &mut Extent16,
+    ) {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { x86_group::prepare16_avx512(rays, how, axes, group, extent) }
     }
 
     #[inline(always)]

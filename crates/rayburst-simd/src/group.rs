@@ -108,6 +108,70 @@ impl GroupAxes {
     }
 }
 
+/// Sixteen rays side by side as they are given.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub struct Rays16 {
+    /// The origin.
+    pub origin: [Row16; 3],
+    /// Where the interval starts.
+    pub t_min: Row16,
+    /// The direction.
+    pub direction: [Row16; 3],
+    /// Where the interval ends.
+    pub t_max: Row16,
+}
+
+impl Rays16 {
+    /// Zeros.
+    pub const ZERO: Self = Self {
+        origin: [[0.0; GROUP]; 3],
+        t_min: [0.0; GROUP],
+        direction: [[0.0; GROUP]; 3],
+        t_max: [0.0; GROUP],
+    };
+}
+
+/// What [`crate::Isa::prepare16`] needs besides the rays.
+#[derive(Clone, Copy, Debug)]
+pub struct Preparation16 {
+    /// Lanes that hold rays of the bundle, as bits.
+    pub lanes: u32,
+    /// Origin and direction that the other lanes get.
+    pub spare: [[f32; 3]; 2],
+    /// What directions are multiplied by, a power of two.
+    pub scale: f32,
+    /// One over the scale.
+    pub unscale: f32,
+    /// The signs of the direction, as ones.
+    pub sign: [f32; 3],
+    /// By how much planes are moved.
+    pub error: [f32; 3],
+    /// The least magnitude of the scaled direction's components.
+    pub smallest: f32,
+}
+
+/// Between which numbers the rays of a bundle are, lane by lane.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub struct Extent16 {
+    /// The least and the greatest inverse direction.
+    pub inverse: [[Row16; 2]; 3],
+    /// The earliest start of an interval.
+    pub t_min: Row16,
+    /// The latest end of an interval.
+    pub t_max: Row16,
+}
+
+impl Extent16 {
+    /// Of no rays.
+    pub const NONE: Self = Self {
+        inverse: [[[f32::INFINITY; GROUP], [f32::NEG_INFINITY; GROUP]]; 3],
+        t_min: [f32::INFINITY; GROUP],
+        t_max: [-1.0; GROUP],
+    };
+}
+
 /// An interval of rays: every ray of it has, along each axis, one of its inverse directions and
 /// offsets within these bounds.
 ///
@@ -123,6 +187,62 @@ pub struct Frustum {
     pub near_offset: [[f32; 2]; 3],
     /// The least offset of a far plane at each scale.
     pub far_offset: [[f32; 2]; 3],
+}
+
+#[inline(always)]
+fn least(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+#[inline(always)]
+fn greatest(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// [`crate::Isa::prepare16`] in plain Rust.
+#[inline(always)]
+pub(crate) fn prepare16(
+    rays: &Rays16,
+    how: &Preparation16,
+    axes: &GroupAxes,
+    group: &mut Group16,
+    extent: &mut Extent16,
+) {
+    let [kx, ky, kz] = axes.axes();
+    for ray in 0..GROUP {
+        let member = how.lanes >> ray & 1 != 0;
+        let [mut origin, mut direction] = how.spare;
+        if member {
+            origin = rays.origin.map(|row| row[ray]);
+            direction = rays.direction.map(|row| row[ray]);
+        }
+        let direction = direction.map(|d| d * how.scale);
+        for axis in 0..3 {
+            let size = greatest(direction[axis].abs(), how.smallest) * how.sign[axis];
+            let inverse = 1.0 / size;
+            let centre = origin[axis] * inverse;
+            let margin = how.error[axis] * inverse.abs() + f32::MIN_POSITIVE;
+            group.inverse[axis][ray] = inverse;
+            group.near_offset[axis][ray] = centre + margin;
+            group.far_offset[axis][ray] = centre - margin;
+            let [low, high] = &mut extent.inverse[axis];
+            low[ray] = least(low[ray], inverse);
+            high[ray] = greatest(high[ray], inverse);
+        }
+        for (row, axis) in group.origin.iter_mut().zip([kx, ky, kz]) {
+            row[ray] = origin[axis];
+        }
+        group.shear[0][ray] = direction[kx] / direction[kz];
+        group.shear[1][ray] = direction[ky] / direction[kz];
+        group.shear[2][ray] = 1.0 / direction[kz];
+        // Adding zero makes −0 a 0.
+        let internal = |t: f32| least(least(t, f32::MAX) * how.unscale, f32::MAX) + 0.0;
+        let (start, end) = (internal(rays.t_min[ray]), internal(rays.t_max[ray]));
+        group.t_min[ray] = start;
+        group.t_max[ray] = if member { end } else { -1.0 };
+        extent.t_min[ray] = least(extent.t_min[ray], if member { start } else { f32::INFINITY });
+        extent.t_max[ray] = greatest(extent.t_max[ray], group.t_max[ray]);
+    }
 }
 
 /// [`crate::Isa::frustum8`] in plain Rust.

@@ -1,8 +1,8 @@
 //! The token of an instruction set and the kernels that run under it.
 
 use crate::{
-    Boxes8, Frustum, Group16, GroupAxes, Nearest, Question16, ShearRay, SlabRay, TriangleHits,
-    Triangles4, group,
+    Boxes8, Extent16, Frustum, Group16, GroupAxes, Nearest, Preparation16, Question16, Rays16,
+    ShearRay, SlabRay, TriangleHits, Triangles4, group,
 };
 
 /// A proof that the running CPU has an instruction set: tokens other than [`crate::Scalar`] are only
@@ -124,6 +124,32 @@ pub trait Isa: Copy + Send + Sync + std::fmt::Debug + 'static {
             }
         }
         nearest
+    }
+
+    /// Puts sixteen rays side by side, each given as origin, `t_min`, direction, `t_max`.
+    #[inline(always)]
+    fn load16(self, rays: &[[f32; 8]; 16], to: &mut Rays16) {
+        for (lane, ray) in rays.iter().enumerate() {
+            let [ox, oy, oz, t_min, dx, dy, dz, t_max] = *ray;
+            (to.t_min[lane], to.t_max[lane]) = (t_min, t_max);
+            for (axis, (o, d)) in [(ox, dx), (oy, dy), (oz, dz)].into_iter().enumerate() {
+                (to.origin[axis][lane], to.direction[axis][lane]) = (o, d);
+            }
+        }
+    }
+
+    /// Prepares sixteen rays: as [`SlabRay`] and [`ShearRay`] are prepared, with errors, signs and
+    /// scale in common. Intervals must not start below zero.
+    #[inline(always)]
+    fn prepare16(
+        self,
+        rays: &Rays16,
+        how: &Preparation16,
+        axes: &GroupAxes,
+        group: &mut Group16,
+        extent: &mut Extent16,
+    ) {
+        group::prepare16(rays, how, axes, group, extent);
     }
 
     /// Which of eight boxes any ray of an interval may meet in `t_min ≤ t ≤ t_max`, as bits, and the

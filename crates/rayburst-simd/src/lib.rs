@@ -27,7 +27,9 @@ pub use avx2::Avx2;
 #[cfg(target_arch = "x86_64")]
 pub use avx512::Avx512;
 pub use boxes::{Boxes8, SlabRay};
-pub use group::{Frustum, GROUP, Group16, GroupAxes, Question16, Row16};
+pub use group::{
+    Extent16, Frustum, GROUP, Group16, GroupAxes, Preparation16, Question16, Rays16, Row16,
+};
 pub use isa::{Isa, Kernel, SLOT};
 pub use level::{ISA_VARIABLE, IsaError, IsaLevel};
 pub use scalar::Scalar;

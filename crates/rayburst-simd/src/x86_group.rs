@@ -6,7 +6,8 @@
 use std::arch::x86_64::*;
 
 use crate::{
-    Boxes8, Frustum, Group16, GroupAxes, Question16, SlabRay, Triangles4,
+    Boxes8, Extent16, Frustum, Group16, GroupAxes, Preparation16, Question16, Rays16, SlabRay,
+    Triangles4,
     triangles::{LARGE, SMALL},
 };
 
@@ -32,6 +33,9 @@ trait Lanes: Copy {
     unsafe fn eq(self, other: Self) -> u32;
     /// Replaces the lanes of `mask`.
     unsafe fn store(self, address: *mut f32, mask: u32);
+    unsafe fn store_all(self, address: *mut f32);
+    /// The lanes of `mask` of `self`, the others of `other`.
+    unsafe fn select(self, mask: u32, other: Self) -> Self;
 }
 
 /// Eight lanes of AVX2.
@@ -123,6 +127,16 @@ impl Lanes for F8 {
         // SAFETY: see above.
         unsafe { _mm256_maskstore_ps(address, lanes_of(mask), self.0) }
     }
+    #[inline(always)]
+    unsafe fn store_all(self, address: *mut f32) {
+        // SAFETY: see above.
+        unsafe { _mm256_store_ps(address, self.0) }
+    }
+    #[inline(always)]
+    unsafe fn select(self, mask: u32, other: Self) -> Self {
+        // SAFETY: see above.
+        Self(unsafe { _mm256_blendv_ps(other.0, self.0, _mm256_castsi256_ps(lanes_of(mask))) })
+    }
 }
 
 /// Sixteen lanes of AVX-512.
@@ -201,6 +215,16 @@ impl Lanes for F16 {
     unsafe fn store(self, address: *mut f32, mask: u32) {
         // SAFETY: see above.
         unsafe { _mm512_mask_storeu_ps(address, mask as u16, self.0) }
+    }
+    #[inline(always)]
+    unsafe fn store_all(self, address: *mut f32) {
+        // SAFETY: see above.
+        unsafe { _mm512_store_ps(address, self.0) }
+    }
+    #[inline(always)]
+    unsafe fn select(self, mask: u32, other: Self) -> Self {
+        // SAFETY: see above.
+        Self(unsafe { _mm512_mask_mov_ps(other.0, mask as u16, self.0) })
     }
 }
 
@@ -288,6 +312,114 @@ unsafe fn box_lanes<L: Lanes>(
     }
 }
 
+/// Turns eight rows of eight numbers into columns: column `k` goes to `to + stride·k`.
+///
+/// # Safety
+/// The CPU must have AVX2; `to` must have room.
+#[inline(always)]
+unsafe fn transpose8(rows: &[[f32; 8]; 8], to: *mut f32, stride: usize) {
+    // SAFETY: the caller's promise; rows are of eight numbers.
+    unsafe {
+        // Halves of the rows beside each other, so that what is left is four by four.
+        let half = |row: usize, side: usize| {
+            let low = _mm_loadu_ps(rows[row].as_ptr().add(4 * side));
+            let high = _mm_loadu_ps(rows[row + 4].as_ptr().add(4 * side));
+            _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(low), high)
+        };
+        for side in 0..2 {
+            let (a, b, c, d) = (half(0, side), half(1, side), half(2, side), half(3, side));
+            let (ab_low, ab_high) = (_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
+            let (cd_low, cd_high) = (_mm256_unpacklo_ps(c, d), _mm256_unpackhi_ps(c, d));
+            let columns = [
+                _mm256_shuffle_ps::<0b01_00_01_00>(ab_low, cd_low),
+                _mm256_shuffle_ps::<0b11_10_11_10>(ab_low, cd_low),
+                _mm256_shuffle_ps::<0b01_00_01_00>(ab_high, cd_high),
+                _mm256_shuffle_ps::<0b11_10_11_10>(ab_high, cd_high),
+            ];
+            for (k, column) in columns.into_iter().enumerate() {
+                _mm256_storeu_ps(to.add(stride * (4 * side + k)), column);
+            }
+        }
+    }
+}
+
+/// [`crate::Isa::load16`].
+///
+/// # Safety
+/// The CPU must have AVX2.
+#[inline(always)]
+pub(crate) unsafe fn load16(rays: &[[f32; 8]; 16], to: &mut Rays16) {
+    // SAFETY: the caller's promise; `Rays16` is eight rows of sixteen numbers.
+    unsafe {
+        let to = std::ptr::from_mut(to).cast::<f32>();
+        for part in 0..2 {
+            let rows = &*rays.as_ptr().add(8 * part).cast::<[[f32; 8]; 8]>();
+            transpose8(rows, to.add(8 * part), 16);
+        }
+    }
+}
+
+#[inline(always)]
+unsafe fn prepare_lanes<L: Lanes>(
+    rays: &Rays16,
+    how: &Preparation16,
+    axes: &GroupAxes,
+    group: &mut Group16,
+    extent: &mut Extent16,
+) {
+    // SAFETY: the caller's CPU has the instructions; all rows have sixteen numbers, aligned to 64
+    // bytes.
+    unsafe {
+        let mut first = 0;
+        while first < 16 {
+            let lanes = how.lanes >> first & L::ALL;
+            let row = |row: &[f32; 16]| L::load(row.as_ptr().add(first));
+            let scale = L::splat(how.scale);
+            let tiny = L::splat(f32::MIN_POSITIVE);
+            let one = L::splat(1.0);
+            let member = |r: &[f32; 16], spare: f32| row(r).select(lanes, L::splat(spare));
+            let mut scaled = [one; 3];
+            let mut origins = [one; 3];
+            for axis in 0..3 {
+                let origin = member(&rays.origin[axis], how.spare[0][axis]);
+                let direction = member(&rays.direction[axis], how.spare[1][axis]).mul(scale);
+                let size = direction.abs().max(L::splat(how.smallest));
+                let inverse = one.div(size.mul(L::splat(how.sign[axis])));
+                let centre = origin.mul(inverse);
+                let margin = L::splat(how.error[axis]).mul(inverse.abs()).add(tiny);
+                inverse.store_all(group.inverse[axis].as_mut_ptr().add(first));
+                centre.add(margin).store_all(group.near_offset[axis].as_mut_ptr().add(first));
+                centre.sub(margin).store_all(group.far_offset[axis].as_mut_ptr().add(first));
+                let [low, high] = &mut extent.inverse[axis];
+                row(low).min(inverse).store_all(low.as_mut_ptr().add(first));
+                row(high).max(inverse).store_all(high.as_mut_ptr().add(first));
+                (scaled[axis], origins[axis]) = (direction, origin);
+            }
+            let [kx, ky, kz] = axes.axes().map(|axis| axis % 3);
+            for (to, axis) in group.origin.iter_mut().zip([kx, ky, kz]) {
+                origins[axis].store_all(to.as_mut_ptr().add(first));
+            }
+            let z = scaled[kz];
+            scaled[kx].div(z).store_all(group.shear[0].as_mut_ptr().add(first));
+            scaled[ky].div(z).store_all(group.shear[1].as_mut_ptr().add(first));
+            one.div(z).store_all(group.shear[2].as_mut_ptr().add(first));
+            let most = L::splat(f32::MAX);
+            let internal = |t: L| {
+                // Adding zero makes −0 a 0.
+                t.min(most).mul(L::splat(how.unscale)).min(most).add(L::splat(0.0))
+            };
+            let (start, end) = (internal(row(&rays.t_min)), internal(row(&rays.t_max)));
+            let end = end.select(lanes, L::splat(-1.0));
+            start.store_all(group.t_min.as_mut_ptr().add(first));
+            end.store_all(group.t_max.as_mut_ptr().add(first));
+            let start = start.select(lanes, L::splat(f32::INFINITY));
+            row(&extent.t_min).min(start).store_all(extent.t_min.as_mut_ptr().add(first));
+            row(&extent.t_max).max(end).store_all(extent.t_max.as_mut_ptr().add(first));
+            first += L::N;
+        }
+    }
+}
+
 #[inline(always)]
 unsafe fn triangle_lanes<L: Lanes, const NEAREST: bool>(
     block: &Triangles4,
@@ -361,7 +493,23 @@ unsafe fn triangle_lanes<L: Lanes, const NEAREST: bool>(
 
 /// The operations of one vector width.
 macro_rules! operations {
-    ($box16:ident, $triangle16:ident, $lanes:ident, $needs:literal) => {
+    ($prepare16:ident, $box16:ident, $triangle16:ident, $lanes:ident, $needs:literal) => {
+        /// [`crate::Isa::prepare16`].
+        ///
+        /// # Safety
+        #[doc = $needs]
+        #[inline(always)]
+        pub(crate) unsafe fn $prepare16(
+            rays: &Rays16,
+            how: &Preparation16,
+            axes: &GroupAxes,
+            group: &mut Group16,
+            extent: &mut Extent16,
+        ) {
+            // SAFETY: the caller's promise.
+            unsafe { prepare_lanes::<$lanes>(rays, how, axes, group, extent) }
+        }
+
         /// [`crate::Isa::box16`].
         ///
         /// # Safety
@@ -395,5 +543,11 @@ macro_rules! operations {
     };
 }
 
-operations!(box16_avx2, triangle16_avx2, F8, "The CPU must have AVX2 and FMA.");
-operations!(box16_avx512, triangle16_avx512, F16, "The CPU must have AVX-512 F, DQ and AVX2.");
+operations!(prepare16_avx2, box16_avx2, triangle16_avx2, F8, "The CPU must have AVX2 and FMA.");
+operations!(
+    prepare16_avx512,
+    box16_avx512,
+    triangle16_avx512,
+    F16,
+    "The CPU must have AVX-512 F, DQ and AVX2."
+);

@@ -1,0 +1,175 @@
+//! The rays of a bundle, prepared: groups, the interval around them, and what they have found.
+
+use rayburst_math::{Aabb, Ray};
+use rayburst_simd::{
+    Extent16, Frustum, GROUP, Group16, GroupAxes, Isa, Preparation16, Rays16, Row16,
+};
+
+use super::{
+    super::{
+        prepare,
+        query::{Candidate, OneHit, Place},
+    },
+    GROUPS,
+};
+
+/// A bundle on its way.
+pub(super) struct Bundle {
+    pub(super) axes: GroupAxes,
+    pub(super) frustum: Frustum,
+    pub(super) groups: [Group16; GROUPS],
+    /// Rays of each group that are still looking.
+    pub(super) active: [u32; GROUPS],
+    /// Where the first of the rays' intervals starts and the last ends.
+    pub(super) t_min: f32,
+    pub(super) t_max: f32,
+    /// Lesser distances are in doubt.
+    pub(super) smallest: f32,
+    /// From internal distances to those in units of the direction.
+    scale: f32,
+}
+
+impl Bundle {
+    /// The bundle of the rays of `members`, of which `chief` is one and all have the same key.
+    #[inline(always)]
+    pub(super) fn new<I: Isa>(
+        isa: I,
+        rays: &[Rays16; GROUPS],
+        members: [u32; GROUPS],
+        chief: &Ray,
+        key: u32,
+        bounds: &Aabb,
+    ) -> Self {
+        let negative = [key & 1 != 0, key & 2 != 0, key & 4 != 0];
+        let longest = (key >> 3 & 3) as usize;
+        let axes = GroupAxes::new(negative, longest);
+        let exponent = key >> 5;
+        let scale = f32::from_bits((254 - exponent) << 23);
+        let unscale = f32::from_bits(exponent << 23);
+        let origins = origins(rays, members, chief);
+        let reach = [0, 1, 2].map(|axis| {
+            let [low, high] = origins[axis];
+            (high - bounds.lower[axis]).abs().max((bounds.upper[axis] - low).abs())
+        });
+        let error = [0, 1, 2].map(|axis| {
+            let [low, high] = origins[axis];
+            prepare::box_error(reach[axis], reach[longest % 3], low.abs().max(high.abs()))
+        });
+        let mut how = Preparation16 {
+            lanes: 0,
+            spare: [chief.origin.into(), chief.direction.into()],
+            scale,
+            unscale,
+            sign: negative.map(|negative| if negative { -1.0 } else { 1.0 }),
+            error,
+            smallest: prepare::SMALLEST_COMPONENT,
+        };
+        let mut groups = [Group16::NONE; GROUPS];
+        let mut extent = Extent16::NONE;
+        for (g, group) in groups.iter_mut().enumerate() {
+            how.lanes = members[g];
+            if how.lanes != 0 {
+                isa.prepare16(&rays[g], &how, &axes, group, &mut extent);
+            }
+        }
+        let mut frustum = Frustum::default();
+        for axis in 0..3 {
+            let [low, high] = origins[axis];
+            // Twice, for what is rounded here.
+            let error = 2.0 * error[axis];
+            let [least_inverse, greatest_inverse] = &extent.inverse[axis];
+            let ends = [least(least_inverse), greatest(greatest_inverse)];
+            frustum.scale[axis] = ends;
+            frustum.near_offset[axis] = ends.map(|scale| {
+                (low * scale).max(high * scale) + error * scale.abs() + 2.0 * f32::MIN_POSITIVE
+            });
+            frustum.far_offset[axis] = ends.map(|scale| {
+                (low * scale).min(high * scale) - error * scale.abs() - 2.0 * f32::MIN_POSITIVE
+            });
+        }
+        Self {
+            axes,
+            frustum,
+            groups,
+            active: members,
+            t_min: least(&extent.t_min),
+            t_max: greatest(&extent.t_max),
+            smallest: f32::MIN_POSITIVE * unscale.max(1.0),
+            scale,
+        }
+    }
+
+    /// The query of a ray as it stands.
+    #[inline(always)]
+    pub(super) fn query<Q: OneHit>(
+        &self,
+        group: usize,
+        lane: usize,
+        ray: &Ray,
+        place: &Place<'_>,
+    ) -> Q {
+        let g = &self.groups[group];
+        let found =
+            if Q::ORDERED { g.id[lane] != u32::MAX } else { self.active[group] >> lane & 1 == 0 };
+        let candidate = found.then(|| Candidate {
+            t: g.t_max[lane] * self.scale,
+            u: g.u[lane],
+            v: g.v[lane],
+            triangle: g.id[lane],
+            front: place.front(g.front) >> lane & 1 != 0,
+        });
+        Q::resume(ray, place, candidate.as_ref())
+    }
+
+    /// Where the last of the rays' intervals ends.
+    #[inline(always)]
+    pub(super) fn end(&self) -> f32 {
+        // Bits of numbers that are not negative sort like them, and those of −1 are negative.
+        let mut ends = [i32::MIN; GROUP];
+        for group in &self.groups {
+            for lane in 0..GROUP {
+                ends[lane] = ends[lane].max(group.t_max[lane].to_bits() as i32);
+            }
+        }
+        f32::from_bits(ends.into_iter().fold(i32::MIN, i32::max) as u32)
+    }
+}
+
+/// Between which coordinates the origins are, by axis.
+#[inline(always)]
+fn origins(rays: &[Rays16; GROUPS], members: [u32; GROUPS], chief: &Ray) -> [[f32; 2]; 3] {
+    let mut origins = [[0.0; 2]; 3];
+    for (axis, ends) in origins.iter_mut().enumerate() {
+        let spare = chief.origin[axis];
+        let [mut low, mut high] = [[spare; GROUP]; 2];
+        for (rays, lanes) in rays.iter().zip(members) {
+            for lane in 0..GROUP {
+                let o = rays.origin[axis][lane];
+                let o = if lanes >> lane & 1 != 0 { o } else { spare };
+                low[lane] = if o < low[lane] { o } else { low[lane] };
+                high[lane] = if o > high[lane] { o } else { high[lane] };
+            }
+        }
+        *ends = [least(&low), greatest(&high)];
+    }
+    origins
+}
+
+/// The least of numbers that are not NaN: by halves, as vectors do.
+#[inline(always)]
+fn least(row: &Row16) -> f32 {
+    let mut row = *row;
+    for half in [8, 4, 2, 1] {
+        for lane in 0..half {
+            let (a, b) = (row[lane], row[lane + half]);
+            row[lane] = if a < b { a } else { b };
+        }
+    }
+    row[0]
+}
+
+/// The greatest of numbers that are not NaN.
+#[inline(always)]
+fn greatest(row: &Row16) -> f32 {
+    -least(&row.map(|number| -number))
+}

@@ -1,0 +1,286 @@
+//! The way of a bundle through a tree.
+
+use std::{mem::MaybeUninit, ops::ControlFlow};
+
+use rayburst_math::Ray;
+use rayburst_simd::{GROUP, Isa, Kernel, Question16, Triangles4};
+
+use super::{
+    super::{
+        count::Count,
+        prepare::{PreparedRay, Span},
+        query::{Asker, OneHit, Place, test_each},
+    },
+    GROUPS,
+    rays::Bundle,
+};
+use crate::{
+    CandidateFilter,
+    build::binned_sah::MAX_DEPTH,
+    layout::{
+        bvh8::{Node8, Reference},
+        triangles::{BLOCK, TriangleId},
+    },
+    structure::{Structure, Tracer},
+};
+
+/// Seven siblings a level and one to spare, as a power of two.
+const ENTRIES: usize = (7 * MAX_DEPTH + 1).next_power_of_two();
+
+/// A subtree or leaf to visit later.
+#[derive(Clone, Copy)]
+struct Entry {
+    /// No ray of the bundle is there before.
+    near: f32,
+    child: Reference,
+    /// The node it is a child of, and four times the slot there plus the first group that meets it.
+    parent: Reference,
+    place: u32,
+}
+
+/// What the rays of a bundle need besides it.
+pub(super) struct Pilot<'a, 'b, I, S, F, C> {
+    pub(super) tracer: &'b mut Tracer<'a, I, S, F, C>,
+    pub(super) place: &'b Place<'a>,
+    pub(super) rays: &'a [Ray],
+    pub(super) first: usize,
+    pub(super) counts: &'b mut [C],
+}
+
+/// Nodes that a bundle may visit.
+const BUDGET: u32 = 96;
+
+impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, C> {
+    /// Whether all rays were answered, or else it did not pay to go on.
+    #[inline(always)]
+    pub(super) fn traverse<Q: OneHit>(&mut self, bundle: &mut Bundle) -> bool {
+        let isa = self.tracer.isa;
+        let tree = &self.place.blas.tree;
+        let mut stack = [MaybeUninit::<Entry>::uninit(); ENTRIES];
+        let (mut top, mut visits) = (0, 0);
+        let mut current =
+            Entry { near: 0.0, child: Reference::ROOT, parent: Reference::ROOT, place: 0 };
+        loop {
+            if current.child.is_leaf() {
+                let ended = self.leaf::<Q>(bundle, &current);
+                if ended.is_break() {
+                    return true;
+                }
+            } else {
+                visits += 1;
+                if visits > BUDGET {
+                    return false;
+                }
+                if C::ACTIVE {
+                    let from = current.place as usize % GROUPS;
+                    (from..GROUPS).for_each(|g| self.count(g, bundle.active[g], Count::node));
+                }
+                let node = tree.node(current.child);
+                let mut distances = [0.0; 8];
+                let mut mask = isa.frustum8(
+                    &node.boxes,
+                    &bundle.axes,
+                    &bundle.frustum,
+                    bundle.t_min,
+                    bundle.t_max,
+                    &mut distances,
+                );
+                let from = current.place as usize % GROUPS;
+                let base = top;
+                while mask != 0 {
+                    let slot = mask.trailing_zeros() as usize % 8;
+                    mask &= mask - 1;
+                    let Some(group) = (from..GROUPS).find(|&g| {
+                        isa.box16(&node.boxes, slot, &bundle.axes, &bundle.groups[g])
+                            & bundle.active[g]
+                            != 0
+                    }) else {
+                        continue;
+                    };
+                    let child = node.children[slot];
+                    let address = tree.address(child.value());
+                    isa.prefetch(address);
+                    isa.prefetch(address.wrapping_add(64));
+                    isa.prefetch(address.wrapping_add(128));
+                    isa.prefetch(address.wrapping_add(192));
+                    let entry = Entry {
+                        near: distances[slot],
+                        child,
+                        parent: current.child,
+                        place: (slot * GROUPS + group) as u32,
+                    };
+                    let mut place = top;
+                    while place > base {
+                        // SAFETY: entries below `top` were written.
+                        let below = unsafe { stack[(place - 1) % ENTRIES].assume_init() };
+                        if below.near >= entry.near {
+                            break;
+                        }
+                        stack[place % ENTRIES].write(below);
+                        place -= 1;
+                    }
+                    stack[place % ENTRIES].write(entry);
+                    top += 1;
+                }
+            }
+            loop {
+                if top == 0 {
+                    return true;
+                }
+                top -= 1;
+                // SAFETY: entries below `top` were written.
+                current = unsafe { stack[top % ENTRIES].assume_init() };
+                if current.near <= bundle.t_max {
+                    break;
+                }
+            }
+        }
+    }
+
+    /// Tests the triangles of a leaf.
+    #[inline(always)]
+    fn leaf<Q: OneHit>(&mut self, bundle: &mut Bundle, entry: &Entry) -> ControlFlow<()> {
+        let isa = self.tracer.isa;
+        let value = entry.child.value();
+        let parent: &Node8 = self.place.blas.tree.node(entry.parent);
+        // SAFETY: values of a BLAS' leaves come from `TriangleLeaves::place`: a block is there.
+        let block: &Triangles4 = unsafe { self.place.blas.tree.block(value) };
+        let slot = entry.place as usize / GROUPS % 8;
+        let from = entry.place as usize % GROUPS;
+        let general = F::ACTIVE && self.place.translucent(block) != 0;
+        let mut changed = false;
+        for g in from..GROUPS {
+            let group = &mut bundle.groups[g];
+            let rays = isa.box16(&parent.boxes, slot, &bundle.axes, group) & bundle.active[g];
+            if rays == 0 {
+                continue;
+            }
+            if C::ACTIVE {
+                self.count(g, rays, |count| count.leaf(block));
+            }
+            let mut doubtful = rays;
+            if !general {
+                doubtful = 0;
+                let mut question = Question16 {
+                    active: rays,
+                    keep: self.place.keep,
+                    smallest: bundle.smallest,
+                    id: 0,
+                };
+                for lane in 0..BLOCK {
+                    let id = TriangleId::of_lane(block, lane);
+                    if id == TriangleId::NONE {
+                        break;
+                    }
+                    question.id = id.triangle();
+                    let (met, unsure) = if Q::ORDERED {
+                        isa.triangle16::<true>(block, lane, &bundle.axes, group, &question)
+                    } else {
+                        isa.triangle16::<false>(block, lane, &bundle.axes, group, &question)
+                    };
+                    doubtful |= unsure;
+                    changed |= met != 0;
+                    if !Q::ORDERED {
+                        question.active &= !met;
+                    }
+                }
+                if !Q::ORDERED {
+                    let met = rays & !question.active;
+                    bundle.active[g] &= !met;
+                    doubtful &= !met;
+                }
+            }
+            while doubtful != 0 {
+                let lane = doubtful.trailing_zeros() as usize % GROUP;
+                doubtful &= doubtful - 1;
+                changed |= self.ask::<Q>(bundle, g, lane, block);
+            }
+        }
+        if changed {
+            if Q::ORDERED {
+                bundle.t_max = bundle.end();
+            } else if bundle.active == [0; GROUPS] {
+                return ControlFlow::Break(());
+            }
+        }
+        ControlFlow::Continue(())
+    }
+
+    pub(super) fn begin_counts(&mut self, members: &[u32; GROUPS]) {
+        for (g, &lanes) in members.iter().enumerate() {
+            self.count(g, lanes, |count| {
+                *count = C::default();
+                if S::IS_INSTANCE {
+                    count.instance();
+                }
+            });
+        }
+    }
+
+    /// Counts something for rays of a group.
+    #[inline(always)]
+    fn count(&mut self, g: usize, mut lanes: u32, what: impl Fn(&mut C)) {
+        while lanes != 0 {
+            what(&mut self.counts[self.first + g * GROUP + lanes.trailing_zeros() as usize]);
+            lanes &= lanes - 1;
+        }
+    }
+
+    /// Tests one ray against a block; says whether that changed anything.
+    fn ask<Q: OneHit>(
+        &mut self,
+        bundle: &mut Bundle,
+        g: usize,
+        lane: usize,
+        block: &Triangles4,
+    ) -> bool {
+        let index = self.first + g * GROUP + lane;
+        let ray = &self.rays[index];
+        let structure = self.tracer.structure;
+        let Some((prepared, _)) = structure.enter_root(ray, self.tracer.options) else {
+            return false;
+        };
+        let query: Q = bundle.query(g, lane, ray, self.place);
+        let span = prepared.span(ray.t_min, query.t_max());
+        let asker = Asker { filter: self.tracer.filter, ray, index: index as u32 };
+        let place = self.place;
+        let (query, span) =
+            self.tracer.isa.vectorize(AskOne { place, block, prepared, asker, query, span });
+        let Some(found) = query.found() else {
+            return false;
+        };
+        let group = &mut bundle.groups[g];
+        let bit = 1 << lane;
+        if !Q::ORDERED {
+            bundle.active[g] &= !bit;
+            return true;
+        }
+        group.t_max[lane] = span.t_max;
+        (group.u[lane], group.v[lane], group.id[lane]) = (found.u, found.v, found.triangle);
+        let front = self.place.front(if found.front { bit } else { 0 });
+        group.front = (group.front & !bit) | (front & bit);
+        true
+    }
+}
+
+/// A ray that is tested against a block by itself. A kernel, so that it stays out of the loops.
+struct AskOne<'a, F, Q> {
+    place: &'a Place<'a>,
+    block: &'a Triangles4,
+    prepared: PreparedRay,
+    asker: Asker<'a, F>,
+    query: Q,
+    span: Span,
+}
+
+impl<F: CandidateFilter, Q: OneHit> Kernel for AskOne<'_, F, Q> {
+    type Output = (Q, Span);
+
+    #[inline(always)]
+    fn run<I: Isa>(mut self, isa: I) -> (Q, Span) {
+        let Self { place, block, prepared, asker, query, span } = &mut self;
+        // Whether the search ended is in the query.
+        let _ = test_each(isa, place, prepared, block, asker, span, query);
+        (self.query, self.span)
+    }
+}
