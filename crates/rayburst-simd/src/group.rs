@@ -38,13 +38,16 @@ pub struct Group16 {
     pub u: Row16,
     /// Barycentric coordinate of the third corner.
     pub v: Row16,
-    /// Which triangle was hit.
+    /// Which triangle was hit; [`Group16::NO_ID`] if none.
     pub id: [u32; GROUP],
     /// Rays whose triangle winds counter-clockwise, as bits.
     pub front: u32,
 }
 
 impl Group16 {
+    /// Greater than the ids of triangles.
+    pub const NO_ID: u32 = i32::MAX as u32;
+
     /// A group of no rays.
     pub const NONE: Self = Self {
         inverse: [[1.0; GROUP]; 3],
@@ -56,7 +59,7 @@ impl Group16 {
         t_max: [-1.0; GROUP],
         u: [0.0; GROUP],
         v: [0.0; GROUP],
-        id: [u32::MAX; GROUP],
+        id: [Self::NO_ID; GROUP],
         front: 0,
     };
 }
@@ -325,9 +328,11 @@ pub(crate) fn triangle16<const NEAREST: bool>(
         let t = (u * az + v * bz + w * cz) / det;
         let within = t >= group.t_min[ray] && t <= group.t_max[ray];
         let kept = question.keep[usize::from(det <= 0.0)] != 0;
-        if delicate || (within && (t.abs() < question.smallest || t == group.t_max[ray])) {
+        // Of two at the same distance the lesser id wins.
+        let wins = t < group.t_max[ray] || !NEAREST || question.id < group.id[ray];
+        if delicate || (within && t.abs() < question.smallest) {
             doubtful |= bit;
-        } else if within && kept {
+        } else if within && kept && wins {
             met |= bit;
             if NEAREST {
                 // Makes −0 a 0.
@@ -351,6 +356,6 @@ pub struct Question16 {
     pub keep: [u32; 2],
     /// The least distance that is beyond doubt.
     pub smallest: f32,
-    /// What becomes the id of rays that meet the triangle.
+    /// What becomes the id of rays that meet the triangle, less than [`Group16::NO_ID`].
     pub id: u32,
 }

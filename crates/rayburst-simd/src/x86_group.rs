@@ -31,6 +31,8 @@ trait Lanes: Copy {
     unsafe fn lt(self, other: Self) -> u32;
     unsafe fn le(self, other: Self) -> u32;
     unsafe fn eq(self, other: Self) -> u32;
+    /// Lanes whose bits, as signed integers, are less than those of `other`.
+    unsafe fn bits_lt(self, other: Self) -> u32;
     /// Replaces the lanes of `mask`.
     unsafe fn store(self, address: *mut f32, mask: u32);
     unsafe fn store_all(self, address: *mut f32);
@@ -123,6 +125,15 @@ impl Lanes for F8 {
         unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_EQ_OQ>(self.0, other.0)) as u32 }
     }
     #[inline(always)]
+    unsafe fn bits_lt(self, other: Self) -> u32 {
+        // SAFETY: see above.
+        unsafe {
+            let less =
+                _mm256_cmpgt_epi32(_mm256_castps_si256(other.0), _mm256_castps_si256(self.0));
+            _mm256_movemask_ps(_mm256_castsi256_ps(less)) as u32
+        }
+    }
+    #[inline(always)]
     unsafe fn store(self, address: *mut f32, mask: u32) {
         // SAFETY: see above.
         unsafe { _mm256_maskstore_ps(address, lanes_of(mask), self.0) }
@@ -210,6 +221,14 @@ impl Lanes for F16 {
     unsafe fn eq(self, other: Self) -> u32 {
         // SAFETY: see above.
         unsafe { u32::from(_mm512_cmp_ps_mask::<_CMP_EQ_OQ>(self.0, other.0)) }
+    }
+    #[inline(always)]
+    unsafe fn bits_lt(self, other: Self) -> u32 {
+        // SAFETY: see above.
+        unsafe {
+            let (a, b) = (_mm512_castps_si512(self.0), _mm512_castps_si512(other.0));
+            u32::from(_mm512_cmplt_epi32_mask(a, b))
+        }
     }
     #[inline(always)]
     unsafe fn store(self, address: *mut f32, mask: u32) {
@@ -471,11 +490,18 @@ unsafe fn triangle_lanes<L: Lanes, const NEAREST: bool>(
                 let t = u.mul(az).add(v.mul(bz)).add(w.mul(cz)).div(det);
                 let (t_min, t_max) = (row(&group.t_min), row(&group.t_max));
                 let within = alive & t_min.le(t) & t.le(t_max);
-                let tiny = t.abs().lt(L::splat(question.smallest)) | t.eq(t_max);
+                let tiny = t.abs().lt(L::splat(question.smallest));
                 let doubtful = (alive & delicate) | (within & tiny);
+                // Of two at the same distance the lesser id wins.
+                let wins = if NEAREST {
+                    let ids = L::load(group.id.as_ptr().add(first).cast());
+                    t.lt(t_max) | L::splat(f32::from_bits(question.id)).bits_lt(ids)
+                } else {
+                    L::ALL
+                };
                 let front = zero.lt(det);
                 let kept = (front & question.keep[0]) | (!front & question.keep[1]);
-                let met = within & kept & !doubtful;
+                let met = within & kept & wins & !doubtful;
                 if NEAREST && met != 0 {
                     // Adding zero makes −0 a 0.
                     t.add(zero).store(group.t_max.as_mut_ptr().add(first), met);

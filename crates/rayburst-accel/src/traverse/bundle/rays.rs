@@ -109,8 +109,11 @@ impl Bundle {
         place: &Place<'_>,
     ) -> Q {
         let g = &self.groups[group];
-        let found =
-            if Q::ORDERED { g.id[lane] != u32::MAX } else { self.active[group] >> lane & 1 == 0 };
+        let found = if Q::ORDERED {
+            g.id[lane] != Group16::NO_ID
+        } else {
+            self.active[group] >> lane & 1 == 0
+        };
         let candidate = found.then(|| Candidate {
             t: g.t_max[lane] * self.scale,
             u: g.u[lane],
