@@ -88,8 +88,10 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
                 let from = current.place as usize % GROUPS;
                 let base = top;
                 while mask != 0 {
-                    let slot = mask.trailing_zeros() as usize % 8;
-                    mask &= mask - 1;
+                    // Stacked last, the first slot is visited first.
+                    let slot =
+                        if Q::ORDERED { mask.trailing_zeros() } else { mask.ilog2() } as usize % 8;
+                    mask &= !(1 << slot);
                     let Some(group) = (from..GROUPS).find(|&g| {
                         isa.box16(&node.boxes, slot, &bundle.axes, &bundle.groups[g])
                             & bundle.active[g]
@@ -110,7 +112,7 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
                         place: (slot * GROUPS + group) as u32,
                     };
                     let mut place = top;
-                    while place > base {
+                    while Q::ORDERED && place > base {
                         // SAFETY: entries below `top` were written.
                         let below = unsafe { stack[(place - 1) % ENTRIES].assume_init() };
                         if below.near >= entry.near {
