@@ -130,6 +130,12 @@ impl Isa for Avx2 {
     }
 
     #[inline(always)]
+    fn end16(self, group: &Group16, active: u32) -> f32 {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { x86_group::end16_avx2(group, active) }
+    }
+
+    #[inline(always)]
     fn frustum8(
         self,
         boxes: &Boxes8,

@@ -32,8 +32,10 @@ pub struct Group16 {
     pub shear: [Row16; 3],
     /// Where the interval starts, not negative.
     pub t_min: Row16,
-    /// Where it ends: at the nearest hit so far. −1 for rays that are not traced (any more).
+    /// Where it ends: at the nearest hit so far. −1 for rays that are not traced.
     pub t_max: Row16,
+    /// Distance of the waist from the origin.
+    pub shift: Row16,
     /// Barycentric coordinate of the second corner.
     pub u: Row16,
     /// Barycentric coordinate of the third corner.
@@ -57,6 +59,7 @@ impl Group16 {
         shear: [[0.0; GROUP]; 3],
         t_min: [0.0; GROUP],
         t_max: [-1.0; GROUP],
+        shift: [0.0; GROUP],
         u: [0.0; GROUP],
         v: [0.0; GROUP],
         id: [Self::NO_ID; GROUP],
@@ -152,6 +155,8 @@ pub struct Preparation16 {
     pub error: [f32; 3],
     /// The least magnitude of the scaled direction's components.
     pub smallest: f32,
+    /// The coordinate on the longest axis at which the rays are nearest to each other.
+    pub waist: f32,
 }
 
 /// Between which numbers the rays of a bundle are, lane by lane.
@@ -160,18 +165,21 @@ pub struct Preparation16 {
 pub struct Extent16 {
     /// The least and the greatest inverse direction.
     pub inverse: [[Row16; 2]; 3],
-    /// The earliest start of an interval.
+    /// The least and the greatest coordinate at the waist, along the axes that become x and y.
+    pub points: [[Row16; 2]; 2],
+    /// The greatest distance of the waist from an origin, either way.
+    pub shift: Row16,
+    /// The earliest start of an interval, from the waist on.
     pub t_min: Row16,
-    /// The latest end of an interval.
-    pub t_max: Row16,
 }
 
 impl Extent16 {
     /// Of no rays.
     pub const NONE: Self = Self {
         inverse: [[[f32::INFINITY; GROUP], [f32::NEG_INFINITY; GROUP]]; 3],
+        points: [[[f32::INFINITY; GROUP], [f32::NEG_INFINITY; GROUP]]; 2],
+        shift: [0.0; GROUP],
         t_min: [f32::INFINITY; GROUP],
-        t_max: [-1.0; GROUP],
     };
 }
 
@@ -243,9 +251,25 @@ pub(crate) fn prepare16(
         let (start, end) = (internal(rays.t_min[ray]), internal(rays.t_max[ray]));
         group.t_min[ray] = start;
         group.t_max[ray] = if member { end } else { -1.0 };
-        extent.t_min[ray] = least(extent.t_min[ray], if member { start } else { f32::INFINITY });
-        extent.t_max[ray] = greatest(extent.t_max[ray], group.t_max[ray]);
+        let way = how.waist - group.origin[2][ray];
+        let shift = way * group.shear[2][ray];
+        group.shift[ray] = shift;
+        extent.shift[ray] = greatest(extent.shift[ray], shift.abs());
+        for (k, [low, high]) in extent.points.iter_mut().enumerate() {
+            let point = group.origin[k][ray] + way * group.shear[k][ray];
+            (low[ray], high[ray]) = (least(low[ray], point), greatest(high[ray], point));
+        }
+        let start = if member { start - shift } else { f32::INFINITY };
+        extent.t_min[ray] = least(extent.t_min[ray], start);
     }
+}
+
+/// [`crate::Isa::end16`] in plain Rust.
+#[inline(always)]
+pub(crate) fn end16(group: &Group16, active: u32) -> f32 {
+    (0..GROUP)
+        .filter(|ray| active >> ray & 1 != 0)
+        .fold(f32::NEG_INFINITY, |end, ray| greatest(end, group.t_max[ray] - group.shift[ray]))
 }
 
 /// [`crate::Isa::frustum8`] in plain Rust.

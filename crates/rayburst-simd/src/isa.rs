@@ -152,6 +152,12 @@ pub trait Isa: Copy + Send + Sync + std::fmt::Debug + 'static {
         group::prepare16(rays, how, axes, group, extent);
     }
 
+    /// Where the last of the `active` rays of a group ends, from the waist on.
+    #[inline(always)]
+    fn end16(self, group: &Group16, active: u32) -> f32 {
+        group::end16(group, active)
+    }
+
     /// Which of eight boxes any ray of an interval may meet in `t_min ≤ t ≤ t_max`, as bits, and the
     /// least distances at which one enters them.
     #[inline(always)]

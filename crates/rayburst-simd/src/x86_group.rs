@@ -38,6 +38,19 @@ trait Lanes: Copy {
     unsafe fn store_all(self, address: *mut f32);
     /// The lanes of `mask` of `self`, the others of `other`.
     unsafe fn select(self, mask: u32, other: Self) -> Self;
+    unsafe fn greatest(self) -> f32;
+}
+
+/// # Safety
+/// The CPU must have AVX2.
+#[inline(always)]
+unsafe fn greatest_of_8(v: __m256) -> f32 {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let v = _mm_max_ps(_mm256_castps256_ps128(v), _mm256_extractf128_ps::<1>(v));
+        let v = _mm_max_ps(v, _mm_movehl_ps(v, v));
+        _mm_cvtss_f32(_mm_max_ss(v, _mm_movehdup_ps(v)))
+    }
 }
 
 /// Eight lanes of AVX2.
@@ -148,6 +161,11 @@ impl Lanes for F8 {
         // SAFETY: see above.
         Self(unsafe { _mm256_blendv_ps(other.0, self.0, _mm256_castsi256_ps(lanes_of(mask))) })
     }
+    #[inline(always)]
+    unsafe fn greatest(self) -> f32 {
+        // SAFETY: see above.
+        unsafe { greatest_of_8(self.0) }
+    }
 }
 
 /// Sixteen lanes of AVX-512.
@@ -245,6 +263,14 @@ impl Lanes for F16 {
         // SAFETY: see above.
         Self(unsafe { _mm512_mask_mov_ps(other.0, mask as u16, self.0) })
     }
+    #[inline(always)]
+    unsafe fn greatest(self) -> f32 {
+        // SAFETY: see above.
+        unsafe {
+            let high = _mm512_extractf32x8_ps::<1>(self.0);
+            greatest_of_8(_mm256_max_ps(_mm512_castps512_ps256(self.0), high))
+        }
+    }
 }
 
 /// Runs for the lanes from `$first` on, of as many as a vector has; collects masks.
@@ -328,6 +354,24 @@ unsafe fn box_lanes<L: Lanes>(
             (near.le(far), 0)
         })
         .0
+    }
+}
+
+#[inline(always)]
+unsafe fn end_lanes<L: Lanes>(group: &Group16, active: u32) -> f32 {
+    // SAFETY: the caller's CPU has the instructions; rows have sixteen numbers, aligned to 64 bytes.
+    unsafe {
+        let mut end = f32::NEG_INFINITY;
+        let mut first = 0;
+        while first < 16 {
+            let t_max = L::load(group.t_max.as_ptr().add(first));
+            let ends = t_max.sub(L::load(group.shift.as_ptr().add(first)));
+            let ends = ends.select(active >> first & L::ALL, L::splat(f32::NEG_INFINITY));
+            let part = ends.greatest();
+            end = if part > end { part } else { end };
+            first += L::N;
+        }
+        end
     }
 }
 
@@ -415,13 +459,23 @@ unsafe fn prepare_lanes<L: Lanes>(
                 (scaled[axis], origins[axis]) = (direction, origin);
             }
             let [kx, ky, kz] = axes.axes().map(|axis| axis % 3);
-            for (to, axis) in group.origin.iter_mut().zip([kx, ky, kz]) {
-                origins[axis].store_all(to.as_mut_ptr().add(first));
-            }
             let z = scaled[kz];
-            scaled[kx].div(z).store_all(group.shear[0].as_mut_ptr().add(first));
-            scaled[ky].div(z).store_all(group.shear[1].as_mut_ptr().add(first));
-            one.div(z).store_all(group.shear[2].as_mut_ptr().add(first));
+            let shear = [scaled[kx].div(z), scaled[ky].div(z), one.div(z)];
+            let origins = [origins[kx], origins[ky], origins[kz]];
+            for k in 0..3 {
+                origins[k].store_all(group.origin[k].as_mut_ptr().add(first));
+                shear[k].store_all(group.shear[k].as_mut_ptr().add(first));
+            }
+            let way = L::splat(how.waist).sub(origins[2]);
+            let shift = way.mul(shear[2]);
+            shift.store_all(group.shift.as_mut_ptr().add(first));
+            let most = row(&extent.shift).max(shift.abs());
+            most.store_all(extent.shift.as_mut_ptr().add(first));
+            for (k, [low, high]) in extent.points.iter_mut().enumerate() {
+                let point = origins[k].add(way.mul(shear[k]));
+                row(low).min(point).store_all(low.as_mut_ptr().add(first));
+                row(high).max(point).store_all(high.as_mut_ptr().add(first));
+            }
             let most = L::splat(f32::MAX);
             let internal = |t: L| {
                 // Adding zero makes −0 a 0.
@@ -431,9 +485,8 @@ unsafe fn prepare_lanes<L: Lanes>(
             let end = end.select(lanes, L::splat(-1.0));
             start.store_all(group.t_min.as_mut_ptr().add(first));
             end.store_all(group.t_max.as_mut_ptr().add(first));
-            let start = start.select(lanes, L::splat(f32::INFINITY));
+            let start = start.sub(shift).select(lanes, L::splat(f32::INFINITY));
             row(&extent.t_min).min(start).store_all(extent.t_min.as_mut_ptr().add(first));
-            row(&extent.t_max).max(end).store_all(extent.t_max.as_mut_ptr().add(first));
             first += L::N;
         }
     }
@@ -519,7 +572,7 @@ unsafe fn triangle_lanes<L: Lanes, const NEAREST: bool>(
 
 /// The operations of one vector width.
 macro_rules! operations {
-    ($prepare16:ident, $box16:ident, $triangle16:ident, $lanes:ident, $needs:literal) => {
+    ($prepare16:ident, $end16:ident, $box16:ident, $triangle16:ident, $lanes:ident, $needs:literal) => {
         /// [`crate::Isa::prepare16`].
         ///
         /// # Safety
@@ -534,6 +587,16 @@ macro_rules! operations {
         ) {
             // SAFETY: the caller's promise.
             unsafe { prepare_lanes::<$lanes>(rays, how, axes, group, extent) }
+        }
+
+        /// [`crate::Isa::end16`].
+        ///
+        /// # Safety
+        #[doc = $needs]
+        #[inline(always)]
+        pub(crate) unsafe fn $end16(group: &Group16, active: u32) -> f32 {
+            // SAFETY: the caller's promise.
+            unsafe { end_lanes::<$lanes>(group, active) }
         }
 
         /// [`crate::Isa::box16`].
@@ -569,11 +632,19 @@ macro_rules! operations {
     };
 }
 
-operations!(prepare16_avx2, box16_avx2, triangle16_avx2, F8, "The CPU must have AVX2 and FMA.");
+operations!(
+    prepare16_avx2,
+    end16_avx2,
+    box16_avx2,
+    triangle16_avx2,
+    F8,
+    "The CPU must have AVX2 and FMA."
+);
 operations!(
     prepare16_avx512,
+    end16_avx512,
     box16_avx512,
     triangle16_avx512,
     F16,
-    "The CPU must have AVX-512 F, DQ and AVX2."
+    "The CPU must have AVX-512 F and DQ, AVX2 and FMA."
 );

@@ -126,8 +126,12 @@ pub(crate) fn trace<'a, I: Isa, S: Structure, F: CandidateFilter, C: Count, A: A
             continue;
         }
         let chief = tracer.structure.local(&part[group * GROUP + leader]);
+        let last = members.iter().rposition(|&lanes| lanes != 0).unwrap_or(0);
+        let other = last * GROUP + members[last].ilog2() as usize;
+        let other = tracer.structure.local(&part[other]);
         let bounds = place.blas.bounds();
-        let mut bundle = Bundle::new(tracer.isa, &side_by_side, members, &chief, key, &bounds);
+        let mut bundle =
+            Bundle::new(tracer.isa, &side_by_side, members, [&chief, &other], key, &bounds);
         let mut pilot =
             Pilot { tracer: &mut *tracer, place: &place, rays, first, counts: &mut *counts };
         if C::ACTIVE {

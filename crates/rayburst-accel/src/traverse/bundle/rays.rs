@@ -20,9 +20,13 @@ pub(super) struct Bundle {
     pub(super) groups: [Group16; GROUPS],
     /// Rays of each group that are still looking.
     pub(super) active: [u32; GROUPS],
-    /// Where the first of the rays' intervals starts and the last ends.
+    /// Where the first ray starts, from the waist on.
     pub(super) t_min: f32,
+    /// Where the last ray of each group ends, and of all, from the waist on.
+    ends: [f32; GROUPS],
     pub(super) t_max: f32,
+    /// What distances from the waist on may be wrong by.
+    slack: f32,
     /// Lesser distances are in doubt.
     pub(super) smallest: f32,
     /// From internal distances to those in units of the direction.
@@ -30,18 +34,18 @@ pub(super) struct Bundle {
 }
 
 impl Bundle {
-    /// The bundle of the rays of `members`, of which `chief` is one and all have the same key.
+    /// The bundle of the rays of `members`, of which two are given; all have the same key.
     #[inline(always)]
     pub(super) fn new<I: Isa>(
         isa: I,
         rays: &[Rays16; GROUPS],
         members: [u32; GROUPS],
-        chief: &Ray,
+        [chief, other]: [&Ray; 2],
         key: u32,
         bounds: &Aabb,
     ) -> Self {
         let negative = [key & 1 != 0, key & 2 != 0, key & 4 != 0];
-        let longest = (key >> 3 & 3) as usize;
+        let longest = (key >> 3 & 3) as usize % 3;
         let axes = GroupAxes::new(negative, longest);
         let exponent = key >> 5;
         let scale = f32::from_bits((254 - exponent) << 23);
@@ -53,7 +57,7 @@ impl Bundle {
         });
         let error = [0, 1, 2].map(|axis| {
             let [low, high] = origins[axis];
-            prepare::box_error(reach[axis], reach[longest % 3], low.abs().max(high.abs()))
+            prepare::box_error(reach[axis], reach[longest], low.abs().max(high.abs()))
         });
         let mut how = Preparation16 {
             lanes: 0,
@@ -63,6 +67,7 @@ impl Bundle {
             sign: negative.map(|negative| if negative { -1.0 } else { 1.0 }),
             error,
             smallest: prepare::SMALLEST_COMPONENT,
+            waist: waist(axes.axes(), [chief, other], bounds),
         };
         let mut groups = [Group16::NONE; GROUPS];
         let mut extent = Extent16::NONE;
@@ -72,11 +77,19 @@ impl Bundle {
                 isa.prepare16(&rays[g], &how, &axes, group, &mut extent);
             }
         }
+        let shift = greatest(&extent.shift);
+        let mut points = [[how.waist; 2]; 3];
+        for (k, axis) in axes.axes().into_iter().enumerate().take(2) {
+            let [low, high] = &extent.points[k];
+            points[axis] = [least(low), greatest(high)];
+        }
         let mut frustum = Frustum::default();
         for axis in 0..3 {
-            let [low, high] = origins[axis];
-            // Twice, for what is rounded here.
-            let error = 2.0 * error[axis];
+            let [low, high] = points[axis];
+            // Twice, for what is rounded here, and for the way to the waist, of at most twice the shift.
+            let way = 2.0 * shift;
+            let error = 2.0 * error[axis]
+                + 2.0 * prepare::box_error(way, way, low.abs().max(high.abs()) + way);
             let [least_inverse, greatest_inverse] = &extent.inverse[axis];
             let ends = [least(least_inverse), greatest(greatest_inverse)];
             frustum.scale[axis] = ends;
@@ -87,16 +100,33 @@ impl Bundle {
                 (low * scale).min(high * scale) - error * scale.abs() - 2.0 * f32::MIN_POSITIVE
             });
         }
-        Self {
+        let start = least(&extent.t_min);
+        let slack = 8.0 * f32::EPSILON * shift;
+        let mut bundle = Self {
             axes,
             frustum,
             groups,
             active: members,
-            t_min: least(&extent.t_min),
-            t_max: greatest(&extent.t_max),
+            t_min: start - slack - 4.0 * f32::EPSILON * start.abs(),
+            ends: [f32::NEG_INFINITY; GROUPS],
+            t_max: f32::NEG_INFINITY,
+            slack,
             smallest: f32::MIN_POSITIVE * unscale.max(1.0),
             scale,
+        };
+        for g in 0..GROUPS {
+            bundle.shorten(isa, g);
         }
+        bundle
+    }
+
+    /// Finds where the last ray of a group ends, at first and after some have met triangles.
+    #[inline(always)]
+    pub(super) fn shorten<I: Isa>(&mut self, isa: I, g: usize) {
+        let end = isa.end16(&self.groups[g], self.active[g]);
+        self.ends[g] = end + self.slack + 4.0 * f32::EPSILON * end.abs().min(f32::MAX);
+        let [a, b, c, d] = self.ends;
+        self.t_max = a.max(b).max(c.max(d));
     }
 
     /// The query of a ray as it stands.
@@ -122,19 +152,6 @@ impl Bundle {
             front: place.front(g.front) >> lane & 1 != 0,
         });
         Q::resume(ray, place, candidate.as_ref())
-    }
-
-    /// Where the last of the rays' intervals ends.
-    #[inline(always)]
-    pub(super) fn end(&self) -> f32 {
-        // Bits of numbers that are not negative sort like them, and those of −1 are negative.
-        let mut ends = [i32::MIN; GROUP];
-        for group in &self.groups {
-            for lane in 0..GROUP {
-                ends[lane] = ends[lane].max(group.t_max[lane].to_bits() as i32);
-            }
-        }
-        f32::from_bits(ends.into_iter().fold(i32::MIN, i32::max) as u32)
     }
 }
 
@@ -175,4 +192,21 @@ fn least(row: &Row16) -> f32 {
 #[inline(always)]
 fn greatest(row: &Row16) -> f32 {
     -least(&row.map(|number| -number))
+}
+
+/// The coordinate on the last of the axes at which two rays are nearest to each other: that of the
+/// point which primary rays come from, or shadow rays go to. The interval of rays is tightest if it is
+/// of their points there.
+#[inline(always)]
+fn waist([x, y, z]: [usize; 3], [a, b]: [&Ray; 2], bounds: &Aabb) -> f32 {
+    let slope = |ray: &Ray, axis: usize| ray.direction[axis] / ray.direction[z];
+    // How the rays differ at the first one's origin, and how that changes.
+    let back = a.origin[z] - b.origin[z];
+    let gap = [x, y].map(|axis| b.origin[axis] - a.origin[axis] + back * slope(b, axis));
+    let turn = [x, y].map(|axis| slope(b, axis) - slope(a, axis));
+    let way = -(gap[0] * turn[0] + gap[1] * turn[1]) / (turn[0] * turn[0] + turn[1] * turn[1]);
+    let way = if way.is_finite() { way } else { 0.0 };
+    // Not too far away: coordinates there should be as exact as those of the scene.
+    let (low, high) = (bounds.lower[z].min(a.origin[z]), bounds.upper[z].max(a.origin[z]));
+    (a.origin[z] + way).clamp(2.0 * low - high, 2.0 * high - low)
 }

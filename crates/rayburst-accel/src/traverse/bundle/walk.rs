@@ -30,7 +30,7 @@ const ENTRIES: usize = (7 * MAX_DEPTH + 1).next_power_of_two();
 /// A subtree or leaf to visit later.
 #[derive(Clone, Copy)]
 struct Entry {
-    /// No ray of the bundle is there before.
+    /// No ray of the bundle is there before, from the waist on.
     near: f32,
     child: Reference,
     /// The node it is a child of, and four times the slot there plus the first group that meets it.
@@ -58,8 +58,12 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
         let tree = &self.place.blas.tree;
         let mut stack = [MaybeUninit::<Entry>::uninit(); ENTRIES];
         let (mut top, mut visits) = (0, 0);
-        let mut current =
-            Entry { near: 0.0, child: Reference::ROOT, parent: Reference::ROOT, place: 0 };
+        let mut current = Entry {
+            near: f32::NEG_INFINITY,
+            child: Reference::ROOT,
+            parent: Reference::ROOT,
+            place: 0,
+        };
         loop {
             if current.child.is_leaf() {
                 let ended = self.leaf::<Q>(bundle, &current);
@@ -150,8 +154,8 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
         let slot = entry.place as usize / GROUPS % 8;
         let from = entry.place as usize % GROUPS;
         let general = F::ACTIVE && self.place.translucent(block) != 0;
-        let mut changed = false;
         for g in from..GROUPS {
+            let mut changed = false;
             let group = &mut bundle.groups[g];
             let rays = isa.box16(&parent.boxes, slot, &bundle.axes, group) & bundle.active[g];
             if rays == 0 {
@@ -197,13 +201,12 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
                 doubtful &= doubtful - 1;
                 changed |= self.ask::<Q>(bundle, g, lane, block);
             }
-        }
-        if changed {
-            if Q::ORDERED {
-                bundle.t_max = bundle.end();
-            } else if bundle.active == [0; GROUPS] {
-                return ControlFlow::Break(());
+            if changed {
+                bundle.shorten(isa, g);
             }
+        }
+        if !Q::ORDERED && bundle.active == [0; GROUPS] {
+            return ControlFlow::Break(());
         }
         ControlFlow::Continue(())
     }
