@@ -10,9 +10,11 @@ use crate::{
     BuildError, BuildOptions, BuildQuality, BuildStats, Builder, BvhDefect, CandidateFilter,
     InstanceFlags, TraceOptions, TriangleMesh, ValidationReport,
     build::{
-        binned_sah::BinnedSah,
+        binned_sah::{BinnedSah, MAX_DEPTH},
+        hlbvh::Hlbvh,
         monitor::Monitor,
         morton::Keys,
+        ploc::Ploc,
         primitives::{self, MAX_PRIMITIVES},
         sbvh::Sbvh,
         triangle_keys,
@@ -69,17 +71,30 @@ impl Blas {
         };
         let (tree, primitives, references) = match options.resolve_builder() {
             Builder::Lbvh => {
-                let keys = Keys::sort(triangle_keys::of_triangles(geometries, leaves.starts)?);
+                let keys = triangle_keys::of_triangles(geometries, leaves.starts, options.curve)?;
+                let keys = Keys::sort(keys);
                 monitor.check()?;
                 (Bvh8::from_keys(&keys, &leaves)?, keys.len(), keys.len())
             }
             Builder::BinnedSah => {
                 let refs = references_of()?;
                 let primitives = refs.len();
-                let binary = BinnedSah { bins, leaf_size, monitor }.build(refs)?;
+                let max_depth = MAX_DEPTH;
+                let binary = BinnedSah { bins, leaf_size, max_depth, monitor }.build(refs)?;
                 // A cancelled tree has leaves of any size.
                 monitor.check()?;
                 (Bvh8::collapse(&binary, &leaves)?, primitives, primitives)
+            }
+            Builder::Hlbvh => {
+                let refs = references_of()?;
+                let builder = Hlbvh { curve: options.curve, bins, leaf_size, monitor };
+                let binary = builder.build(&refs)?;
+                (Bvh8::collapse(&binary, &leaves)?, refs.len(), refs.len())
+            }
+            Builder::Ploc => {
+                let refs = references_of()?;
+                let binary = Ploc { curve: options.curve, leaf_size, monitor }.build(&refs)?;
+                (Bvh8::collapse(&binary, &leaves)?, refs.len(), refs.len())
             }
             Builder::SpatialSplits => {
                 let refs = references_of()?;
@@ -325,7 +340,7 @@ impl Structure for Blas {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::layout::bvh8::defects;
+    use crate::{Curve, layout::bvh8::defects};
 
     fn terrain(n: u32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
         let height = |x: u32, z: u32| ((x * 7919 + z * 104_729) % 97) as f32 * 0.01;
@@ -340,6 +355,10 @@ mod tests {
     }
 
     fn build(n: u32, quality: BuildQuality) -> Blas {
+        build_with(n, &BuildOptions { quality, ..BuildOptions::default() })
+    }
+
+    fn build_with(n: u32, options: &BuildOptions<'_>) -> Blas {
         let (mut positions, mut indices) = terrain(n);
         // Triangles across all others, which the best quality splits.
         for i in 0..8 {
@@ -350,20 +369,25 @@ mod tests {
             indices.push([first, first + 1, first + 2]);
         }
         let mesh = TriangleMesh::new(&positions, &indices);
-        Blas::build(&[mesh], &BuildOptions { quality, ..BuildOptions::default() }).unwrap()
+        Blas::build(&[mesh], options).unwrap()
     }
 
     #[test]
     fn the_bytes_do_not_depend_on_threads() {
-        for quality in [BuildQuality::Fast, BuildQuality::Balanced, BuildQuality::Best] {
+        use Builder::{BinnedSah, Hlbvh, Lbvh, Ploc, SpatialSplits};
+        let curves = [Curve::Morton, Curve::Hilbert];
+        let all =
+            curves.map(|curve| [BinnedSah, SpatialSplits, Lbvh, Hlbvh, Ploc].map(|b| (b, curve)));
+        for (builder, curve) in all.into_iter().flatten() {
+            let options = BuildOptions { builder: Some(builder), curve, ..BuildOptions::default() };
             let bytes = |threads| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-                let blas = pool.install(|| build(300, quality));
-                assert_eq!(blas.has_duplicates(), quality == BuildQuality::Best);
+                let blas = pool.install(|| build_with(300, &options));
+                assert_eq!(blas.has_duplicates(), builder == SpatialSplits);
                 blas.tree.words().to_vec()
             };
             let one = bytes(1);
-            assert!(one == bytes(2) && one == bytes(7), "{quality:?}");
+            assert!(one == bytes(2) && one == bytes(7), "{options:?}");
         }
     }
 

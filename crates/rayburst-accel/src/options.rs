@@ -25,8 +25,22 @@ pub enum Builder {
     BinnedSah,
     /// The same with splits of the triangles themselves.
     SpatialSplits,
-    /// Along a Morton curve (LBVH), straight into wide nodes.
+    /// Along a space-filling curve (LBVH), straight into wide nodes.
     Lbvh,
+    /// Clusters along a space-filling curve, the surface area heuristic above them (HLBVH).
+    Hlbvh,
+    /// Bottom-up along a space-filling curve: nearest neighbours merge (PLOC).
+    Ploc,
+}
+
+/// The space-filling curve of builders that sort along one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Curve {
+    /// Interleaved bits, most for the longest side of the scene.
+    #[default]
+    Morton,
+    /// A curve without jumps, of ten bits an axis.
+    Hilbert,
 }
 
 /// Options of a build.
@@ -36,6 +50,8 @@ pub struct BuildOptions<'a> {
     pub quality: BuildQuality,
     /// The builder of a BLAS; `None` is the quality's.
     pub builder: Option<Builder>,
+    /// The curve of [`Builder::Lbvh`], [`Builder::Hlbvh`] and [`Builder::Ploc`].
+    pub curve: Curve,
     /// How many references to triangles spatial splits may make, as a multiple of the triangles;
     /// `None` is 1.5, and there are never fewer than one a triangle.
     pub reference_budget: Option<f32>,

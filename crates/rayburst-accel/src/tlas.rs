@@ -18,7 +18,7 @@ use crate::{
     Blas, BuildError, BuildOptions, BuildStats, BvhDefect, CandidateFilter, Instance,
     InstanceFlags, TraceOptions, ValidationReport,
     build::{
-        binned_sah::BinnedSah,
+        binned_sah::{BinnedSah, MAX_DEPTH},
         monitor::Monitor,
         primitives::{MAX_PRIMITIVES, PrimitiveRef, is_traceable},
     },
@@ -116,8 +116,9 @@ impl Tlas {
 
         let primitives = refs.len();
         let sole = refs.first().filter(|_| primitives == 1).map(PrimitiveRef::index);
-        let binary =
-            BinnedSah { bins: 16, leaf_size: 1, monitor: Monitor::default() }.build(refs)?;
+        let monitor = Monitor::default();
+        let binary = BinnedSah { bins: 16, leaf_size: 1, max_depth: MAX_DEPTH, monitor };
+        let binary = binary.build(refs)?;
         let tree = Bvh8::collapse(&binary, &InstanceLeaves)?;
         let bounds = tree.bounds;
         let corner = if bounds.is_empty() {

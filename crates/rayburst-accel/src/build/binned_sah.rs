@@ -5,7 +5,7 @@
 //! `Σ area · blocks` splits the node ([`super::bins`]); nodes of few primitives are split exactly
 //! ([`super::small`]).
 //!
-//! Changed: nodes whose subtree might grow deeper than [`MAX_DEPTH`], and nodes whose centroids all
+//! Changed: nodes whose subtree might grow deeper than is allowed ([`MAX_DEPTH`] at most), and nodes whose centroids all
 //! coincide, are split at the median, so that depth is bounded for every input. Bins are merged with
 //! minima, maxima and integer sums only, and primitives move between fixed chunks, so the tree does
 //! not depend on the number of threads.
@@ -40,6 +40,8 @@ pub(crate) struct BinnedSah<'a> {
     pub(crate) bins: usize,
     /// Primitives in a leaf, at most; a power of two.
     pub(crate) leaf_size: usize,
+    /// No leaf is further from the root than this: at least the depth of a tree of medians.
+    pub(crate) max_depth: usize,
     /// Whom progress is told.
     pub(crate) monitor: Monitor<'a>,
 }
@@ -160,7 +162,7 @@ impl BinnedSah<'_> {
         kit: &mut Kit,
     ) -> usize {
         // An uneven split must leave room for medians all the way down.
-        if depth + levels(refs.len(), self.leaf_size) < MAX_DEPTH {
+        if depth + levels(refs.len(), self.leaf_size) < self.max_depth {
             let blocks = Blocks::new(self.leaf_size, BLOCK_OVERHEAD);
             if let Some(split) = kit.find(refs, extent, self.bins, blocks) {
                 return split.apply(refs);
@@ -206,7 +208,12 @@ mod tests {
                     PrimitiveRef::new(&Aabb::of_point(rng.vec3() * Vec3::new(9.0, 1.0, 1.0)), i)
                 })
                 .collect();
-            let builder = BinnedSah { bins: 32, leaf_size, monitor: Monitor::default() };
+            let builder = BinnedSah {
+                bins: 32,
+                leaf_size,
+                max_depth: MAX_DEPTH,
+                monitor: Monitor::default(),
+            };
             let tree = builder.build(refs).unwrap();
             assert_eq!(tree.nodes.capacity(), 2 * count as usize - 1);
             assert_eq!(tree.order.len(), count as usize);

@@ -6,12 +6,13 @@ use crate::{BuildControl, BuildError};
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Monitor<'a> {
     control: Option<&'a BuildControl>,
+    is_silent: bool,
 }
 
 impl<'a> Monitor<'a> {
     /// Starts to report the build of a tree over some primitives.
     pub(crate) fn new(control: Option<&'a BuildControl>) -> Self {
-        Self { control }
+        Self { control, is_silent: false }
     }
 
     /// Says over how many primitives the tree is.
@@ -23,7 +24,7 @@ impl<'a> Monitor<'a> {
 
     /// Adds primitives whose subtree is built.
     pub(crate) fn advance(&self, primitives: usize) {
-        if let Some(control) = self.control {
+        if let Some(control) = self.control.filter(|_| !self.is_silent) {
             control.advance(primitives);
         }
     }
@@ -38,6 +39,11 @@ impl<'a> Monitor<'a> {
     /// Whether to give up. What is made after that is not looked at.
     pub(crate) fn is_cancelled(&self) -> bool {
         self.control.is_some_and(BuildControl::is_cancelled)
+    }
+
+    /// The same without progress.
+    pub(crate) fn silent(&self) -> Self {
+        Self { is_silent: true, ..*self }
     }
 
     /// Fails once the build is cancelled.

@@ -16,6 +16,8 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use glam::Vec4;
 use rayon::prelude::*;
 
+use crate::Curve;
+
 /// Bits of a code.
 pub(crate) const CODE_BITS: u32 = 32;
 const INDEX_BITS: u32 = 29;
@@ -25,13 +27,6 @@ pub(crate) const INACTIVE: u64 = u64::MAX >> (63 - INDEX_BITS - CODE_BITS);
 const AXIS_BITS: u32 = 16;
 /// Bits of each axis of the Hilbert curve's cube.
 const HILBERT_BITS: u32 = 10;
-
-/// Which curve orders the places.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Curve {
-    Morton,
-    Hilbert,
-}
 
 /// A grid over a box; gives keys to the places in it.
 pub(crate) struct Grid {

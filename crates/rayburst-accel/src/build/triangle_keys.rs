@@ -1,4 +1,4 @@
-//! Keys along a Morton curve straight from triangles, in one pass over them.
+//! Keys along a space-filling curve straight from triangles, in one pass over them.
 //!
 //! The grid spans the box of the vertices, which is cheaper to find than that of the triangles. Should
 //! the triangles that can be hit fill only a small part of it (stray vertices), the keys are made
@@ -10,10 +10,10 @@ use glam::{Affine3A, Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::{
-    morton::{Curve, Grid, INACTIVE},
+    morton::{Grid, INACTIVE},
     primitives::{active_bounds, check_indices},
 };
-use crate::{BuildError, TriangleMesh, geometry::MAX_COORDINATE};
+use crate::{BuildError, Curve, TriangleMesh, geometry::MAX_COORDINATE};
 
 /// Vertices or triangles of one task.
 const TASK: usize = 1 << 14;
@@ -85,6 +85,7 @@ impl Range {
 pub(crate) fn of_triangles(
     geometries: &[TriangleMesh<'_>],
     starts: &[u32],
+    curve: Curve,
 ) -> Result<Vec<AtomicU64>, BuildError> {
     let vertices = geometries
         .iter()
@@ -95,9 +96,9 @@ pub(crate) fn of_triangles(
         .fold(Range::EMPTY, Range::merge);
     // Places are thrice the centroids.
     let vertices = Range { lower: vertices.lower * 3.0, upper: vertices.upper * 3.0 };
-    let (keys, places) = keys(geometries, starts, &vertices)?;
+    let (keys, places) = keys(geometries, starts, &vertices, curve)?;
     if places.is_small_in(&vertices) {
-        return Ok(self::keys(geometries, starts, &places)?.0);
+        return Ok(self::keys(geometries, starts, &places, curve)?.0);
     }
     Ok(keys)
 }
@@ -127,6 +128,7 @@ fn keys(
     geometries: &[TriangleMesh<'_>],
     starts: &[u32],
     range: &Range,
+    curve: Curve,
 ) -> Result<(Vec<AtomicU64>, Range), BuildError> {
     let total: usize = geometries.iter().map(|mesh| mesh.indices.len()).sum();
     let mut keys: Vec<AtomicU64> = Vec::new();
@@ -135,7 +137,7 @@ fn keys(
         bytes: total.saturating_mul(size_of::<u64>()),
     })?;
     (0..total).into_par_iter().map(|_| AtomicU64::new(INACTIVE)).collect_into_vec(&mut keys);
-    let grid = Grid::new(range.lower, range.upper, Curve::Morton);
+    let grid = Grid::new(range.lower, range.upper, curve);
     let mut places = Range::EMPTY;
     let mut rest = keys.as_mut_slice();
     for (geometry, (mesh, &start)) in geometries.iter().zip(starts).enumerate() {

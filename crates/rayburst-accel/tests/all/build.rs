@@ -2,12 +2,12 @@
 
 use glam::Vec3;
 use rayburst_accel::{
-    AcceptAll, Blas, BuildError, BuildOptions, BuildQuality, IsaLevel, MAX_COORDINATE,
-    TraceOptions, TriangleMesh,
+    AcceptAll, Blas, BuildControl, BuildError, BuildOptions, BuildQuality, Builder, Curve,
+    IsaLevel, MAX_COORDINATE, TraceOptions, TriangleMesh,
 };
 use rayburst_math::{Hit, Ray};
 
-use crate::meshes::{Mesh, QUALITIES, Random, ray_at, soup, sphere, with_quality};
+use crate::meshes::{Mesh, QUALITIES, Random, all_builds, ray_at, soup, sphere, with_quality};
 
 const ANY: TraceOptions = TraceOptions {
     mask: 0xFF,
@@ -15,10 +15,10 @@ const ANY: TraceOptions = TraceOptions {
     mode: rayburst_accel::TraceMode::Auto,
 };
 
-/// Builds in every quality and validates; returns the default one.
+/// Builds in every way and validates; returns the default one.
 fn build(mesh: &Mesh) -> Blas {
-    for quality in QUALITIES {
-        let blas = Blas::build(&[mesh.geometry()], &with_quality(quality)).unwrap();
+    for options in all_builds() {
+        let blas = Blas::build(&[mesh.geometry()], &options).unwrap();
         let (stats, report) = (blas.stats(), blas.validate().unwrap());
         assert_eq!(stats.primitives + stats.inactive, mesh.indices.len());
         assert_eq!(
@@ -60,14 +60,43 @@ fn indices_out_of_range_are_named() {
 }
 
 #[test]
-fn indices_out_of_range_are_named_by_the_fast_build_too() {
+fn indices_out_of_range_are_named_by_every_builder() {
     let positions = [Vec3::ZERO; 3];
-    let fast = BuildOptions { quality: BuildQuality::Fast, ..BuildOptions::default() };
     let bad = TriangleMesh::new(&positions, &[[0, 1, 2], [0, 1, 2], [0, 3, 7]]);
-    assert_eq!(
-        Blas::build(&[bad, bad], &fast).unwrap_err(),
-        BuildError::IndexOutOfRange { geometry: 0, primitive: 2, index: 3, vertices: 3 }
-    );
+    for options in all_builds() {
+        assert_eq!(
+            Blas::build(&[bad, bad], &options).unwrap_err(),
+            BuildError::IndexOutOfRange { geometry: 0, primitive: 2, index: 3, vertices: 3 }
+        );
+    }
+}
+
+#[test]
+fn no_spacing_makes_a_deep_tree() {
+    // Gaps that grow: each neighbour is nearer to the one before than to the one behind.
+    let mut mesh = Mesh::default();
+    for i in 0..20_000 {
+        let p = Vec3::new((i * i) as f32, 0.0, 0.0);
+        mesh.push([p, p + Vec3::Y, p + Vec3::Z]);
+    }
+    assert!(build(&mesh).stats().depth <= 64);
+}
+
+#[test]
+fn a_build_is_cancelled_whatever_the_builder() {
+    let mesh = soup(56, 30_000, 0.02);
+    let control = BuildControl::new();
+    for options in all_builds() {
+        let watched = BuildOptions { control: Some(&control), ..options };
+        Blas::build(&[mesh.geometry()], &watched).unwrap();
+        assert_eq!(control.progress(), 1.0);
+    }
+    control.cancel();
+    for options in all_builds() {
+        let watched = BuildOptions { control: Some(&control), ..options };
+        let error = Blas::build(&[mesh.geometry()], &watched).unwrap_err();
+        assert_eq!(error, BuildError::Cancelled);
+    }
 }
 
 #[test]
@@ -194,6 +223,17 @@ fn better_quality_is_no_worse_and_memory_is_small() {
     assert!(balanced.sah_cost <= 1.02 * fast.sah_cost, "{balanced:?} {fast:?}");
     assert!(best.sah_cost <= 1.02 * balanced.sah_cost, "{best:?} {balanced:?}");
     assert!(balanced.bytes <= 66 * 20_000, "{balanced:?}");
+    // The heuristic above a curve is better than the curve, worse than the heuristic throughout.
+    for curve in [Curve::Morton, Curve::Hilbert] {
+        let of = |builder| {
+            let options = BuildOptions { builder: Some(builder), curve, ..BuildOptions::default() };
+            Blas::build(&[mesh.geometry()], &options).unwrap().stats()
+        };
+        let [lbvh, hlbvh, ploc] = [Builder::Lbvh, Builder::Hlbvh, Builder::Ploc].map(of);
+        assert!(hlbvh.sah_cost < 0.97 * lbvh.sah_cost, "{hlbvh:?} {lbvh:?}");
+        assert!(balanced.sah_cost < hlbvh.sah_cost, "{hlbvh:?} {balanced:?}");
+        assert!(ploc.sah_cost < 0.97 * lbvh.sah_cost, "{ploc:?} {lbvh:?}");
+    }
     // Eight-wide nodes are at least half full.
     assert!(balanced.nodes * 4 <= balanced.leaves + balanced.nodes, "{balanced:?}");
 }
@@ -243,15 +283,15 @@ fn the_cost_of_a_toy_tree_is_that_by_hand() {
         let far = corner + Vec3::new(1.0, 1.0, 0.0);
         mesh.push([corner, corner + if i % 2 == 0 { Vec3::X } else { Vec3::Y }, far]);
     }
-    for quality in QUALITIES {
-        let blas = Blas::build(&[mesh.geometry()], &with_quality(quality)).unwrap();
+    for options in all_builds() {
+        let blas = Blas::build(&[mesh.geometry()], &options).unwrap();
         let stats = blas.stats();
         assert_eq!((stats.nodes, stats.leaves, stats.depth), (1, 2, 1));
         assert!((stats.sah_cost - (1.0 + 2.0 * 0.1)).abs() < 1e-6, "{stats:?}");
         // One leaf alone, as large as its root.
         let mut one = mesh.clone();
         one.indices.truncate(4);
-        let stats = Blas::build(&[one.geometry()], &with_quality(quality)).unwrap().stats();
+        let stats = Blas::build(&[one.geometry()], &options).unwrap().stats();
         assert_eq!((stats.leaves, stats.sah_cost), (1, 2.0));
     }
 }

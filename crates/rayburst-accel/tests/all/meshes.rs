@@ -1,7 +1,7 @@
 //! Small meshes of the kinds that break structures.
 
 use glam::Vec3;
-use rayburst_accel::{Blas, BuildOptions, BuildQuality, IsaLevel, TriangleMesh};
+use rayburst_accel::{Blas, BuildOptions, BuildQuality, Builder, Curve, IsaLevel, TriangleMesh};
 use rayburst_math::Ray;
 
 /// A reproducible stream of numbers (SplitMix64).
@@ -85,6 +85,18 @@ pub const QUALITIES: [BuildQuality; 3] =
 
 pub fn with_quality(quality: BuildQuality) -> BuildOptions<'static> {
     BuildOptions { quality, ..BuildOptions::default() }
+}
+
+/// Options of every builder, every curve and every quality.
+pub fn all_builds() -> Vec<BuildOptions<'static>> {
+    let along_curves = [Builder::Lbvh, Builder::Hlbvh, Builder::Ploc].into_iter().flat_map(|b| {
+        [Curve::Morton, Curve::Hilbert].map(|curve| BuildOptions {
+            builder: Some(b),
+            curve,
+            ..BuildOptions::default()
+        })
+    });
+    QUALITIES.map(with_quality).into_iter().chain(along_curves).collect()
 }
 
 /// Random triangles of some size in [−1, 1]³.

@@ -1,11 +1,11 @@
 //! Every mesh, every instruction set, every query, against brute force.
 
 use glam::Vec3;
-use rayburst_accel::{AcceptAll, Blas, BuildOptions, BuildQuality, IsaLevel, TraceOptions};
+use rayburst_accel::{AcceptAll, Blas, BuildOptions, IsaLevel, TraceOptions};
 use rayburst_math::{Hit, Ray};
 
 use crate::{
-    meshes::{Mesh, Random, degenerate, grid_box, needles, ray_at, soup, sphere},
+    meshes::{Mesh, Random, all_builds, degenerate, grid_box, needles, ray_at, soup, sphere},
     oracle::{check_closest, crossings},
 };
 
@@ -47,16 +47,31 @@ fn closest_hits_are_those_of_brute_force() {
 }
 
 #[test]
-fn the_fast_build_hits_what_brute_force_hits() {
+fn every_build_hits_what_brute_force_hits() {
     for (name, mesh, centre, radius) in meshes() {
-        let options = BuildOptions { quality: BuildQuality::Fast, ..BuildOptions::default() };
-        let blas = Blas::build(&[mesh.geometry()], &options).unwrap();
-        blas.validate().unwrap_or_else(|defect| panic!("{name}: {defect}"));
         let mut random = Random::new(27);
-        for _ in 0..1000 {
-            let ray = ray_at(&mut random, centre, radius);
-            let hit = blas.closest_hit(&ray, &TraceOptions::default(), &AcceptAll);
-            check_closest(&mesh, &ray, &hit).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let rays: Vec<Ray> = (0..500).map(|_| ray_at(&mut random, centre, radius)).collect();
+        for build in all_builds() {
+            let mut first: Option<Vec<Hit>> = None;
+            for isa in IsaLevel::available() {
+                let options = BuildOptions { isa: Some(isa), ..build };
+                let blas = Blas::build(&[mesh.geometry()], &options).unwrap();
+                let failed = |error: &dyn std::fmt::Display| -> ! {
+                    panic!("{name}, {build:?}, {}: {error}", isa.name())
+                };
+                blas.validate().unwrap_or_else(|defect| failed(&defect));
+                let mut hits = vec![Hit::MISS; rays.len()];
+                blas.closest_hits(&rays, &mut hits, &TraceOptions::default(), &AcceptAll);
+                match &first {
+                    Some(first) => assert_eq!(first, &hits, "{name}, {build:?}, {}", isa.name()),
+                    None => {
+                        for (ray, hit) in rays.iter().zip(&hits) {
+                            check_closest(&mesh, ray, hit).unwrap_or_else(|error| failed(&error));
+                        }
+                        first = Some(hits);
+                    }
+                }
+            }
         }
     }
 }
