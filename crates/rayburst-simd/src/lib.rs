@@ -36,4 +36,6 @@ pub use scalar::Scalar;
 pub use triangles::{Nearest, ShearRay, TriangleHits, Triangles4};
 
 #[cfg(test)]
+mod group_tests;
+#[cfg(test)]
 mod tests;

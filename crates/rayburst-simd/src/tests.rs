@@ -5,16 +5,16 @@ use crate::{
 };
 
 /// A reproducible stream of numbers in [−1, 1).
-struct Random(u64);
+pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
-    fn next(&mut self) -> f32 {
+    pub(crate) fn next(&mut self) -> f32 {
         self.0 =
             self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 40) as f32 / (1u64 << 23) as f32 - 1.0
     }
 
-    fn vector(&mut self) -> [f32; 3] {
+    pub(crate) fn vector(&mut self) -> [f32; 3] {
         [self.next(), self.next(), self.next()]
     }
 }
@@ -51,7 +51,7 @@ impl Kernel for Test<'_> {
     }
 }
 
-fn random_boxes(random: &mut Random) -> Boxes8 {
+pub(crate) fn random_boxes(random: &mut Random) -> Boxes8 {
     let mut boxes = Boxes8::EMPTY;
     for slot in 0..7 {
         for axis in 0..3 {
@@ -63,7 +63,7 @@ fn random_boxes(random: &mut Random) -> Boxes8 {
     boxes
 }
 
-fn random_block(random: &mut Random, degenerate: bool) -> Triangles4 {
+pub(crate) fn random_block(random: &mut Random, degenerate: bool) -> Triangles4 {
     let mut block = Triangles4 { vertices: [[[f32::NAN; 4]; 3]; 3], ids: [7, 8, 9, u32::MAX] };
     for lane in 0..3 {
         for corner in 0..3 {

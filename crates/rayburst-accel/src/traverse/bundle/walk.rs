@@ -48,7 +48,7 @@ pub(super) struct Pilot<'a, 'b, I, S, F, C> {
 }
 
 /// Nodes that a bundle may visit.
-const BUDGET: u32 = 96;
+const BUDGET: u32 = 128;
 
 impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, C> {
     /// Whether all rays were answered, or else it did not pay to go on.
