@@ -5,7 +5,7 @@ use std::arch::x86_64::*;
 
 use crate::{
     Boxes8, Extent16, Frustum, Group16, GroupAxes, Isa, Kernel, Nearest, Preparation16, Question16,
-    Rays16, ShearRay, SlabRay, TriangleHits, Triangles4, isa::SLOT, x86, x86_group,
+    Rays16, Row16, ShearRay, SlabRay, TriangleHits, Triangles4, isa::SLOT, x86, x86_group,
 };
 
 /// Proof that the CPU has AVX-512 F, VL, BW, DQ and CD, and all of [`crate::Avx2`].
@@ -135,6 +135,12 @@ impl Isa for Avx512 {
     fn end16(self, group: &Group16, active: u32) -> f32 {
         // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
         unsafe { x86_group::end16_avx512(group, active) }
+    }
+
+    #[inline(always)]
+    fn ends16(self, rows: &[Row16; 2]) -> [f32; 2] {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { x86_group::ends16(rows) }
     }
 
     #[inline(always)]

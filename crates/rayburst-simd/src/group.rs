@@ -272,6 +272,15 @@ pub(crate) fn end16(group: &Group16, active: u32) -> f32 {
         .fold(f32::NEG_INFINITY, |end, ray| greatest(end, group.t_max[ray] - group.shift[ray]))
 }
 
+/// [`crate::Isa::ends16`] in plain Rust.
+#[inline(always)]
+pub(crate) fn ends16([low, high]: &[Row16; 2]) -> [f32; 2] {
+    [
+        low.iter().copied().fold(f32::INFINITY, least),
+        high.iter().copied().fold(f32::NEG_INFINITY, greatest),
+    ]
+}
+
 /// [`crate::Isa::frustum8`] in plain Rust.
 #[inline(always)]
 pub(crate) fn frustum8(

@@ -2,7 +2,7 @@
 
 use crate::{
     Boxes8, Extent16, Frustum, Group16, GroupAxes, Nearest, Preparation16, Question16, Rays16,
-    ShearRay, SlabRay, TriangleHits, Triangles4, group,
+    Row16, ShearRay, SlabRay, TriangleHits, Triangles4, group,
 };
 
 /// A proof that the running CPU has an instruction set: tokens other than [`crate::Scalar`] are only
@@ -156,6 +156,12 @@ pub trait Isa: Copy + Send + Sync + std::fmt::Debug + 'static {
     #[inline(always)]
     fn end16(self, group: &Group16, active: u32) -> f32 {
         group::end16(group, active)
+    }
+
+    /// The least number of the first row and the greatest of the second; none may be NaN.
+    #[inline(always)]
+    fn ends16(self, rows: &[Row16; 2]) -> [f32; 2] {
+        group::ends16(rows)
     }
 
     /// Which of eight boxes any ray of an interval may meet in `t_min ≤ t ≤ t_max`, as bits, and the

@@ -44,6 +44,18 @@ trait Lanes: Copy {
 /// # Safety
 /// The CPU must have AVX2.
 #[inline(always)]
+unsafe fn least_of_8(v: __m256) -> f32 {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let v = _mm_min_ps(_mm256_castps256_ps128(v), _mm256_extractf128_ps::<1>(v));
+        let v = _mm_min_ps(v, _mm_movehl_ps(v, v));
+        _mm_cvtss_f32(_mm_min_ss(v, _mm_movehdup_ps(v)))
+    }
+}
+
+/// # Safety
+/// The CPU must have AVX2.
+#[inline(always)]
 unsafe fn greatest_of_8(v: __m256) -> f32 {
     // SAFETY: the caller's promise.
     unsafe {
@@ -372,6 +384,22 @@ unsafe fn end_lanes<L: Lanes>(group: &Group16, active: u32) -> f32 {
             first += L::N;
         }
         end
+    }
+}
+
+/// [`crate::Isa::ends16`].
+///
+/// # Safety
+/// The CPU must have AVX2.
+#[inline(always)]
+pub(crate) unsafe fn ends16([low, high]: &[[f32; 16]; 2]) -> [f32; 2] {
+    // SAFETY: the caller's promise; rows have sixteen numbers, and the loads need no alignment.
+    unsafe {
+        let half = |row: &[f32; 16], half: usize| _mm256_loadu_ps(row.as_ptr().add(8 * half));
+        [
+            least_of_8(_mm256_min_ps(half(low, 0), half(low, 1))),
+            greatest_of_8(_mm256_max_ps(half(high, 0), half(high, 1))),
+        ]
     }
 }
 

@@ -1,9 +1,7 @@
 //! The rays of a bundle, prepared: groups, the interval around them, and what they have found.
 
 use rayburst_math::{Aabb, Ray};
-use rayburst_simd::{
-    Extent16, Frustum, GROUP, Group16, GroupAxes, Isa, Preparation16, Rays16, Row16,
-};
+use rayburst_simd::{Extent16, Frustum, GROUP, Group16, GroupAxes, Isa, Preparation16, Rays16};
 
 use super::{
     super::{
@@ -50,7 +48,7 @@ impl Bundle {
         let exponent = key >> 5;
         let scale = f32::from_bits((254 - exponent) << 23);
         let unscale = f32::from_bits(exponent << 23);
-        let origins = origins(rays, members, chief);
+        let origins = origins(isa, rays, members, chief);
         let reach = [0, 1, 2].map(|axis| {
             let [low, high] = origins[axis];
             (high - bounds.lower[axis]).abs().max((bounds.upper[axis] - low).abs())
@@ -77,11 +75,10 @@ impl Bundle {
                 isa.prepare16(&rays[g], &how, &axes, group, &mut extent);
             }
         }
-        let shift = greatest(&extent.shift);
+        let [start, shift] = isa.ends16(&[extent.t_min, extent.shift]);
         let mut points = [[how.waist; 2]; 3];
         for (k, axis) in axes.axes().into_iter().enumerate().take(2) {
-            let [low, high] = &extent.points[k];
-            points[axis] = [least(low), greatest(high)];
+            points[axis] = isa.ends16(&extent.points[k]);
         }
         let mut frustum = Frustum::default();
         for axis in 0..3 {
@@ -90,8 +87,7 @@ impl Bundle {
             let way = 2.0 * shift;
             let error = 2.0 * error[axis]
                 + 2.0 * prepare::box_error(way, way, low.abs().max(high.abs()) + way);
-            let [least_inverse, greatest_inverse] = &extent.inverse[axis];
-            let ends = [least(least_inverse), greatest(greatest_inverse)];
+            let ends = isa.ends16(&extent.inverse[axis]);
             frustum.scale[axis] = ends;
             frustum.near_offset[axis] = ends.map(|scale| {
                 (low * scale).max(high * scale) + error * scale.abs() + 2.0 * f32::MIN_POSITIVE
@@ -100,7 +96,6 @@ impl Bundle {
                 (low * scale).min(high * scale) - error * scale.abs() - 2.0 * f32::MIN_POSITIVE
             });
         }
-        let start = least(&extent.t_min);
         let slack = 8.0 * f32::EPSILON * shift;
         let mut bundle = Self {
             axes,
@@ -157,11 +152,17 @@ impl Bundle {
 
 /// Between which coordinates the origins are, by axis.
 #[inline(always)]
-fn origins(rays: &[Rays16; GROUPS], members: [u32; GROUPS], chief: &Ray) -> [[f32; 2]; 3] {
+fn origins<I: Isa>(
+    isa: I,
+    rays: &[Rays16; GROUPS],
+    members: [u32; GROUPS],
+    chief: &Ray,
+) -> [[f32; 2]; 3] {
     let mut origins = [[0.0; 2]; 3];
     for (axis, ends) in origins.iter_mut().enumerate() {
         let spare = chief.origin[axis];
-        let [mut low, mut high] = [[spare; GROUP]; 2];
+        let mut both = [[spare; GROUP]; 2];
+        let [low, high] = &mut both;
         for (rays, lanes) in rays.iter().zip(members) {
             for lane in 0..GROUP {
                 let o = rays.origin[axis][lane];
@@ -170,28 +171,9 @@ fn origins(rays: &[Rays16; GROUPS], members: [u32; GROUPS], chief: &Ray) -> [[f3
                 high[lane] = if o > high[lane] { o } else { high[lane] };
             }
         }
-        *ends = [least(&low), greatest(&high)];
+        *ends = isa.ends16(&both);
     }
     origins
-}
-
-/// The least of numbers that are not NaN: by halves, as vectors do.
-#[inline(always)]
-fn least(row: &Row16) -> f32 {
-    let mut row = *row;
-    for half in [8, 4, 2, 1] {
-        for lane in 0..half {
-            let (a, b) = (row[lane], row[lane + half]);
-            row[lane] = if a < b { a } else { b };
-        }
-    }
-    row[0]
-}
-
-/// The greatest of numbers that are not NaN.
-#[inline(always)]
-fn greatest(row: &Row16) -> f32 {
-    -least(&row.map(|number| -number))
 }
 
 /// The coordinate on the last of the axes at which two rays are nearest to each other: that of the
