@@ -203,7 +203,8 @@ impl Blas {
     /// The geometry and primitive of a triangle numbered through all geometries.
     #[inline]
     pub(crate) fn locate(&self, triangle: u32) -> (u32, u32) {
-        locate(&self.starts, triangle)
+        // The usual case: one geometry's start, and the number of all.
+        if let [_, _] = self.starts[..] { (0, triangle) } else { locate(&self.starts, triangle) }
     }
 
     /// How many triangles a geometry has.

@@ -10,6 +10,7 @@ use crate::{
     traverse::{
         all::All,
         answers::{Answers, AnyHits, ClosestHits},
+        any::Any,
         batch,
         closest::Closest,
         count::{Count, NoCount},
@@ -160,6 +161,29 @@ impl<S: Structure, F: CandidateFilter, C: Count, A: Answers> Kernel for Batch<'_
     }
 }
 
+/// A query of one ray as a kernel; gives the query back, answered.
+struct One<'a, S, F, Q> {
+    structure: &'a S,
+    ray: &'a Ray,
+    options: &'a TraceOptions,
+    filter: &'a F,
+    query: Q,
+}
+
+impl<S: Structure, F: CandidateFilter, Q: Query> Kernel for One<'_, S, F, Q> {
+    type Output = Q;
+
+    #[inline(always)]
+    fn run<I: Isa>(mut self, isa: I) -> Q {
+        let asker = Asker { filter: self.filter, ray: self.ray, index: 0 };
+        let (mut stacks, mut count) = (Stacks::new(), NoCount);
+        let (options, query) = (self.options, &mut self.query);
+        // Whether the search ended early is in the query.
+        let _ = self.structure.trace(isa, &asker, options, &mut stacks, query, &mut count);
+        self.query
+    }
+}
+
 /// All hits of many rays as a kernel: one ray after another, since hits are appended to one list.
 struct AllHitsBatch<'a, S, F> {
     structure: &'a S,
@@ -195,6 +219,27 @@ fn run<S: Structure, F: CandidateFilter, C: Count>(
     answers: impl Answers,
 ) {
     structure.isa_level().dispatch(Batch { structure, rays, options, filter, counts, answers });
+}
+
+fn closest_of_one<S: Structure, F: CandidateFilter>(
+    structure: &S,
+    ray: &Ray,
+    options: &TraceOptions,
+    filter: &F,
+) -> Hit {
+    let query = Closest::new(ray);
+    let one = One { structure, ray, options, filter, query };
+    structure.finish(&structure.isa_level().dispatch(one))
+}
+
+fn any_of_one<S: Structure, F: CandidateFilter>(
+    structure: &S,
+    ray: &Ray,
+    options: &TraceOptions,
+    filter: &F,
+) -> bool {
+    let query = Any::new(ray);
+    structure.isa_level().dispatch(One { structure, ray, options, filter, query }).found
 }
 
 fn run_all<S: Structure, F: CandidateFilter>(
@@ -247,10 +292,7 @@ macro_rules! queries {
                 options: &TraceOptions,
                 filter: &impl CandidateFilter,
             ) -> Hit {
-                let mut hit = Hit::MISS;
-                let (rays, hits) = (std::slice::from_ref(ray), std::slice::from_mut(&mut hit));
-                self.closest_hits(rays, hits, options, filter);
-                hit
+                $with!(self, closest_of_one, ray, options, filter)
             }
 
             /// Whether a ray hits anything.
@@ -260,10 +302,7 @@ macro_rules! queries {
                 options: &TraceOptions,
                 filter: &impl CandidateFilter,
             ) -> bool {
-                let mut hit = false;
-                let (rays, hits) = (std::slice::from_ref(ray), std::slice::from_mut(&mut hit));
-                self.any_hits(rays, hits, options, filter);
-                hit
+                $with!(self, any_of_one, ray, options, filter)
             }
 
             /// Every hit of a ray, nearest first; replaces what `hits` held.

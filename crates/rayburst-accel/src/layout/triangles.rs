@@ -104,9 +104,6 @@ impl Shapes for TriangleLeaves<'_> {
 /// The geometry and primitive of a triangle numbered through all geometries.
 #[inline]
 pub(crate) fn locate(starts: &[u32], triangle: u32) -> (u32, u32) {
-    if let [_, _] = starts {
-        return (0, triangle);
-    }
     let geometry = starts.partition_point(|&start| start <= triangle) - 1;
     (geometry as u32, triangle - starts[geometry])
 }

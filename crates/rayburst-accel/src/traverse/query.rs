@@ -221,6 +221,25 @@ pub(crate) fn settle_candidate<I: Isa>(
     }
 }
 
+/// [`test_leaf`] for one ray at a time: branches are predicted there, and what comes after a leaf
+/// that is missed need not wait for it.
+#[inline(always)]
+fn visit_leaf<I: Isa, Q: Query, F: CandidateFilter, C: Count>(
+    isa: I,
+    place: &Place<'_>,
+    ray: &PreparedRay,
+    value: u32,
+    asker: &Asker<'_, F>,
+    span: &mut Span,
+    query: &mut Q,
+    count: &mut C,
+) -> ControlFlow<()> {
+    // SAFETY: values of a BLAS' leaves come from `TriangleLeaves::place`: a block is there.
+    let block: &Triangles4 = unsafe { place.blas.tree.block(value) };
+    count.leaf(block);
+    test_each(isa, place, ray, block, asker, span, query)
+}
+
 /// Offers a query one by one the triangles of a block that a ray meets.
 #[inline(always)]
 pub(crate) fn test_each<I: Isa, Q: Query, F: CandidateFilter>(
@@ -282,13 +301,11 @@ pub(crate) fn trace_blas<I: Isa, Q: Query, F: CandidateFilter, C: Count>(
     let mut span = ray.span(asker.ray.t_min, query.t_max());
     let tree = &place.blas.tree;
     let mut leaves = Blocks { isa, place, ray, asker, query };
-    let flow = if Q::ORDERED {
+    if Q::ORDERED {
         walk::<I, C, true>(isa, tree, &ray.slab, &mut span, stack, count, &mut leaves)
     } else {
         walk::<I, C, false>(isa, tree, &ray.slab, &mut span, stack, count, &mut leaves)
-    };
-    query.settle(isa, place, ray, &span);
-    flow
+    }
 }
 
 /// The leaves of a BLAS.
@@ -303,6 +320,6 @@ struct Blocks<'a, 'b, I, F, Q> {
 impl<I: Isa, F: CandidateFilter, Q: Query, C: Count> Leaves<C> for Blocks<'_, '_, I, F, Q> {
     #[inline(always)]
     fn visit(&mut self, value: u32, span: &mut Span, count: &mut C) -> ControlFlow<()> {
-        test_leaf(self.isa, self.place, self.ray, value, self.asker, span, self.query, count)
+        visit_leaf(self.isa, self.place, self.ray, value, self.asker, span, self.query, count)
     }
 }

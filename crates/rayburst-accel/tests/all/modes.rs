@@ -23,6 +23,9 @@ type Answers = (Vec<Hit>, Vec<bool>);
 trait Trace {
     fn trace(&self, rays: &[Ray], options: &TraceOptions, filter: &impl CandidateFilter)
     -> Answers;
+
+    /// One call a ray.
+    fn call(&self, rays: &[Ray], options: &TraceOptions) -> Answers;
 }
 
 macro_rules! trace {
@@ -44,6 +47,12 @@ macro_rules! trace {
                 assert_eq!(hits, counted);
                 assert!(counts.iter().zip(&hits).all(|(c, h)| c.nodes > 0 || !h.is_hit()));
                 (hits, occluded)
+            }
+
+            fn call(&self, rays: &[Ray], options: &TraceOptions) -> Answers {
+                let closest = |ray| self.closest_hit(ray, options, &AcceptAll);
+                let any = |ray| self.any_hit(ray, options, &AcceptAll);
+                (rays.iter().map(closest).collect(), rays.iter().map(any).collect())
             }
         }
     };
@@ -130,6 +139,7 @@ fn check(structure: &impl Trace, rays: &[Ray]) -> usize {
         let options = |mode| TraceOptions { cull, mode, ..TraceOptions::default() };
         let single = options(TraceMode::Single);
         let plain = structure.trace(rays, &single, &AcceptAll);
+        assert_eq!(structure.call(rays, &single), plain);
         let sieved = structure.trace(rays, &single, &sieve);
         assert!(plain.0.iter().zip(&plain.1).all(|(hit, &any)| hit.is_hit() == any));
         assert!(sieved.0.iter().zip(&sieved.1).all(|(hit, &any)| hit.is_hit() == any));
