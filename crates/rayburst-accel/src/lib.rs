@@ -21,6 +21,7 @@ mod control;
 mod error;
 mod geometry;
 mod layout;
+mod lists;
 mod options;
 mod query;
 mod refit;

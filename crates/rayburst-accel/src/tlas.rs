@@ -62,6 +62,9 @@ struct Placed {
     identity: bool,
 }
 
+/// Boxes are widened by at most this: a multiple of the farthest origin of a ray.
+const MAX_SLACK: f32 = (1u128 << 92) as f32;
+
 impl Placed {
     /// A ray in the instance's space.
     #[inline(always)]
@@ -240,7 +243,9 @@ impl Tlas {
             * f32::EPSILON
             * self.condition
             * (2.0 * ray.origin.abs().max_element() + 2.0 * self.reach);
-        PreparedRay::new(ray, &self.tree.bounds, slack)
+        // Transforms may be as bad as `f32` goes, but offsets of planes must be finite: an infinite
+        // one would meet the empty slots of nodes. This much holds every origin and every box.
+        PreparedRay::new(ray, &self.tree.bounds, slack.min(MAX_SLACK))
     }
 
     /// Proves the structure, not its BLASes.

@@ -103,9 +103,11 @@ impl PreparedRay {
     }
 
     /// The internal interval of an interval in units of the ray's direction. Distances that such
-    /// units cannot express are left out.
+    /// units cannot express are left out; of those that they express as `t_max`, all are in.
     #[inline(always)]
     pub(crate) fn span(&self, t_min: f32, t_max: f32) -> Span {
+        // Distances that differ may be the same subnormal number.
+        let t_max = if t_max.abs() < f32::MIN_POSITIVE { t_max.next_up() } else { t_max };
         let clamp = |t: f32| t.clamp(-f32::MAX, f32::MAX);
         // Exact: the reciprocals of powers of two are powers of two.
         let (unscale, unlift) = (reciprocal(self.scale), reciprocal(self.lift));

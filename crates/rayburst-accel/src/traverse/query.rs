@@ -280,7 +280,8 @@ pub(crate) fn test_each<I: Isa, Q: Query, F: CandidateFilter>(
         {
             query.take(&candidate, place)?;
             if Q::ORDERED {
-                span.t_max = t;
+                let exact = t.abs() >= ray.smallest();
+                span.t_max = if exact { t } else { ray.span(0.0, candidate.t).t_max };
             }
         }
     }

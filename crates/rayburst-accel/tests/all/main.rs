@@ -4,6 +4,7 @@
 #![allow(unreachable_pub)] // one binary: nothing is reachable from outside
 
 mod build;
+mod fuzzed;
 mod instances;
 mod meshes;
 mod modes;

@@ -32,7 +32,8 @@ const GROUPS: usize = BUNDLE / GROUP;
 /// Rays that agree make a bundle only if there are as many.
 const FEWEST: u32 = 16;
 
-/// The key of rays that no bundle takes: invalid, of extreme lengths, or backwards in time.
+/// The key of rays that no bundle takes: invalid, of extreme lengths, backwards in time, or with an
+/// interval that ends where numbers are not exact.
 const UNABLE: u32 = u32::MAX;
 
 /// Exponents of the longest component at which scales and distances are far from the ends of `f32`.
@@ -64,6 +65,7 @@ fn keys(rays: &Rays16) -> [u32; GROUP] {
             & (z <= f32::MAX)
             & (t_min >= 0.0)
             & (t_min <= t_max)
+            & (t_max >= f32::MIN_POSITIVE)
             & EXPONENTS.contains(&exponent);
         *key = if able { sx | sy << 1 | sz << 2 | axis << 3 | exponent << 5 } else { UNABLE };
     }
@@ -143,7 +145,9 @@ pub(crate) fn trace<'a, I: Isa, S: Structure, F: CandidateFilter, C: Count, A: A
                 let lane = lanes.trailing_zeros() as usize % GROUP;
                 lanes &= lanes - 1;
                 let index = first + g * GROUP + lane;
-                if complete || (!A::Query::ORDERED && bundle.active[g] >> lane & 1 == 0) {
+                let looking = bundle.active[g] >> lane & 1 != 0;
+                let answered = if A::Query::ORDERED { complete } else { complete || !looking };
+                if answered && bundle.left[g] >> lane & 1 == 0 {
                     let query = bundle.query::<A::Query>(g, lane, &rays[index], &place);
                     answers.end(tracer.structure, index, &query);
                 } else {

@@ -18,6 +18,8 @@ pub(super) struct Bundle {
     pub(super) groups: [Group16; GROUPS],
     /// Rays of each group that are still looking.
     pub(super) active: [u32; GROUPS],
+    /// Rays of each group that are left to other ways of tracing.
+    pub(super) left: [u32; GROUPS],
     /// Where the first ray starts, from the waist on.
     pub(super) t_min: f32,
     /// Where the last ray of each group ends, and of all, from the waist on.
@@ -102,6 +104,7 @@ impl Bundle {
             frustum,
             groups,
             active: members,
+            left: [0; GROUPS],
             t_min: start - slack - 4.0 * f32::EPSILON * start.abs(),
             ends: [f32::NEG_INFINITY; GROUPS],
             t_max: f32::NEG_INFINITY,

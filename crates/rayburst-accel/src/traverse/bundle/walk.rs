@@ -256,7 +256,13 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
         };
         let group = &mut bundle.groups[g];
         let bit = 1 << lane;
-        if !Q::ORDERED {
+        // Numbers so small are not exact in both units of distance.
+        let inexact = Q::ORDERED && span.t_max < 2.0 * bundle.smallest;
+        if inexact {
+            bundle.left[g] |= bit;
+            group.t_max[lane] = -1.0;
+        }
+        if inexact || !Q::ORDERED {
             bundle.active[g] &= !bit;
             return true;
         }
