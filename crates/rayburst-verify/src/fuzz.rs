@@ -100,10 +100,7 @@ fn check_modes(
 ) -> [Answers; 2] {
     let single = TraceOptions { mode: TraceMode::Single, ..options };
     let filter = FilterFn(sieve);
-    let own = [
-        structure.trace(rays, &single, &AcceptAll),
-        structure.trace(rays, &single, &filter),
-    ];
+    let own = [structure.trace(rays, &single, &AcceptAll), structure.trace(rays, &single, &filter)];
     let expected = expected.unwrap_or(&own);
     for mode in TraceMode::ALL {
         let options = TraceOptions { mode, ..options };
@@ -140,16 +137,15 @@ pub fn check(bytes: &[u8]) {
     let input = Input::new(bytes);
     let (mut expected, mut expected_top, mut expected_refit) = (None, None, None);
     for isa in IsaLevel::available() {
-        let build = BuildOptions {
-            reference_budget: Some(input.budget),
-            ..input.build.options(isa)
-        };
+        let build =
+            BuildOptions { reference_budget: Some(input.budget), ..input.build.options(isa) };
         let mesh = TriangleMesh {
             opaque: input.opaque,
             ..TriangleMesh::new(&input.positions, &input.indices)
         };
         let (first, second) = input.indices.split_at(input.indices.len() / 3);
-        let parts = [TriangleMesh { indices: first, ..mesh }, TriangleMesh { indices: second, ..mesh }];
+        let parts =
+            [TriangleMesh { indices: first, ..mesh }, TriangleMesh { indices: second, ..mesh }];
         let blas = match Blas::build(&parts, &build) {
             Ok(blas) => blas,
             Err(error) => panic!("{}: {error}", isa.name()),

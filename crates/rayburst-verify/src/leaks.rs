@@ -85,8 +85,7 @@ impl Traced {
     fn build(task: &Task<'_>) -> Result<Self, String> {
         let problem = |e: &dyn std::fmt::Display| format!("{}: {e}", describe(task));
         let options = task.build.options(task.isa);
-        let blas =
-            Blas::build(&[task.scene.mesh.geometry()], &options).map_err(|e| problem(&e))?;
+        let blas = Blas::build(&[task.scene.mesh.geometry()], &options).map_err(|e| problem(&e))?;
         if blas.stats().inactive != 0 {
             return Err(problem(&"triangles of a closed mesh are never hit"));
         }

@@ -1,6 +1,6 @@
 //! Closed meshes and where their inside is.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 use glam::{Affine3A, Mat3, Quat, Vec3};
 use rayburst_accel::TriangleMesh;
@@ -57,7 +57,7 @@ impl ClosedMesh {
     /// What keeps the mesh from being closed, if anything does: each edge must be passed once in
     /// either direction.
     pub fn defect(&self) -> Option<String> {
-        let mut edges = HashMap::new();
+        let mut edges = BTreeMap::new();
         for &[a, b, c] in &self.indices {
             for edge in [(a, b), (b, c), (c, a)] {
                 if edges.insert(edge, ()).is_some() {
@@ -103,7 +103,7 @@ pub fn noisy_sphere(level: u32, noise: f32) -> ClosedMesh {
         }
     }
     for _ in 0..level {
-        let mut middles = HashMap::new();
+        let mut middles = BTreeMap::new();
         let mut middle = |a: u32, b: u32| {
             *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
                 let sum = positions[a as usize] + positions[b as usize];
@@ -126,7 +126,7 @@ pub fn noisy_sphere(level: u32, noise: f32) -> ClosedMesh {
 /// A box from −1 to 1 whose edges are cut into `cells` equal parts on each axis.
 pub fn grid_box(cells: [u32; 3]) -> ClosedMesh {
     let mut mesh = ClosedMesh { inside: cube(0.9), ..ClosedMesh::default() };
-    let mut ids = HashMap::new();
+    let mut ids = BTreeMap::new();
     for axis in 0..3 {
         let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
         for side in [0, cells[axis]] {
@@ -187,14 +187,18 @@ pub fn scenes() -> Vec<ClosedScene> {
         ("sphere × 1e17", sphere.clone().mapped(scaled(Vec3::splat(1e17)))),
         ("far sphere", sphere.clone().on_lattice(64.0, far)),
         ("far box", grid_box([8; 3]).on_lattice(4.0, -far)),
-        ("sphere in a box", sphere.clone().within(&grid_box([4; 3]).mapped(scaled(Vec3::ONE * 2.0)))),
+        (
+            "sphere in a box",
+            sphere.clone().within(&grid_box([4; 3]).mapped(scaled(Vec3::ONE * 2.0))),
+        ),
     ]
     .map(|(name, mesh)| ClosedScene { name: name.to_owned(), mesh, instances: vec![] })
     .into();
     let place = |i: u32| {
         let unit = |k: u32| 2.0 * to_unit(pcg(100 * i + k)) - 1.0;
         let axes = Mat3::from_quat(Quat::from_xyzw(unit(0), unit(1), unit(2), 0.6).normalize());
-        let scale = Vec3::new(1.0 + 0.5 * unit(3), 1.0 + 0.5 * unit(4), [1.0, -0.7][i as usize % 2]);
+        let scale =
+            Vec3::new(1.0 + 0.5 * unit(3), 1.0 + 0.5 * unit(4), [1.0, -0.7][i as usize % 2]);
         let shear = Mat3::from_cols(Vec3::X, Vec3::new(0.8 * unit(5), 1.0, 0.0), Vec3::Z);
         let translation = 3.0 * Vec3::new(unit(6), unit(7), unit(8));
         Affine3A::from_mat3_translation(axes * shear * Mat3::from_diagonal(scale), translation)

@@ -107,8 +107,7 @@ impl Input {
         let vertices = 1 + r.below(80);
         let positions: Vec<Vec3> = (0..vertices).map(|_| r.vector()).collect();
         let triangles = r.below(100);
-        let indices =
-            (0..triangles).map(|_| [(); 3].map(|()| r.below(vertices) as u32)).collect();
+        let indices = (0..triangles).map(|_| [(); 3].map(|()| r.below(vertices) as u32)).collect();
         let mut moved = positions.clone();
         for _ in 0..r.below(8) {
             let vertex = r.below(vertices);
@@ -157,8 +156,7 @@ fn read_rays(r: &mut Reader<'_>, positions: &[Vec3], indices: &Vec<[u32; 3]>) ->
             0 => ray.direction = r.vector(),
             1 | 2 => ray.direction = positions[r.below(positions.len())] - ray.origin,
             3 | 4 if !indices.is_empty() => {
-                let [a, b, c] =
-                    indices[r.below(indices.len())].map(|i| positions[i as usize]);
+                let [a, b, c] = indices[r.below(indices.len())].map(|i| positions[i as usize]);
                 let (u, v) = (f32::from(r.byte()) / 256.0, f32::from(r.byte()) / 256.0);
                 ray.direction = a + (b - a) * u + (c - a) * (v * (1.0 - u)) - ray.origin;
             }

@@ -41,7 +41,8 @@ impl Progress {
             ));
         }
         for (number, line) in lines.enumerate() {
-            let bad = || format!("{at}, line {}: not a task or a leak; delete the file", number + 2);
+            let bad =
+                || format!("{at}, line {}: not a task or a leak; delete the file", number + 2);
             if let Some(leak) = line.strip_prefix("leak ") {
                 let (task, leak) = leak.split_once(' ').ok_or_else(bad)?;
                 let task = task.parse().map_err(|_| bad())?;
