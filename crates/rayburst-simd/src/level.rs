@@ -2,6 +2,10 @@
 
 use crate::{Isa, Kernel, Scalar};
 
+#[cfg(target_arch = "aarch64")]
+use crate::Neon;
+#[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+use crate::Simd128;
 #[cfg(target_arch = "x86_64")]
 use crate::{Avx2, Avx512};
 
@@ -40,30 +44,34 @@ pub enum IsaLevel {
     /// AVX-512.
     #[cfg(target_arch = "x86_64")]
     Avx512(Avx512),
+    /// NEON.
+    #[cfg(target_arch = "aarch64")]
+    Neon(Neon),
+    /// WebAssembly's vectors of 128 bits.
+    #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+    Simd128(Simd128),
 }
 
 impl IsaLevel {
     /// The instruction sets of this CPU, the plainest first.
     pub fn available() -> Vec<Self> {
-        #[cfg_attr(not(target_arch = "x86_64"), allow(unused_mut))]
+        #[allow(unused_mut, reason = "some targets have no other")]
         let mut levels = vec![Self::Scalar(Scalar)];
         #[cfg(target_arch = "x86_64")]
         {
             levels.extend(Avx2::detect().map(Self::Avx2));
             levels.extend(Avx512::detect().map(Self::Avx512));
         }
+        #[cfg(target_arch = "aarch64")]
+        levels.extend(Neon::detect().map(Self::Neon));
+        #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+        levels.extend(Simd128::detect().map(Self::Simd128));
         levels
     }
 
     /// The best instruction set of this CPU.
     pub fn detect() -> Self {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(token) = Avx512::detect() {
-            return Self::Avx512(token);
-        } else if let Some(token) = Avx2::detect() {
-            return Self::Avx2(token);
-        }
-        Self::Scalar(Scalar)
+        Self::available().pop().unwrap_or(Self::Scalar(Scalar))
     }
 
     /// The instruction set that `RAYBURST_ISA` names, or the best one when it is unset or empty.
@@ -90,6 +98,10 @@ impl IsaLevel {
             Self::Avx2(_) => Avx2::NAME,
             #[cfg(target_arch = "x86_64")]
             Self::Avx512(_) => Avx512::NAME,
+            #[cfg(target_arch = "aarch64")]
+            Self::Neon(_) => Neon::NAME,
+            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+            Self::Simd128(_) => Simd128::NAME,
         }
     }
 
@@ -102,6 +114,10 @@ impl IsaLevel {
             Self::Avx2(token) => token.vectorize(kernel),
             #[cfg(target_arch = "x86_64")]
             Self::Avx512(token) => token.vectorize(kernel),
+            #[cfg(target_arch = "aarch64")]
+            Self::Neon(token) => token.vectorize(kernel),
+            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+            Self::Simd128(token) => token.vectorize(kernel),
         }
     }
 }
@@ -122,6 +138,14 @@ mod tests {
     fn an_unknown_name_is_an_error_that_lists_the_known_ones() {
         let message = IsaLevel::from_name("avx1024").unwrap_err().to_string();
         assert!(message.contains("avx1024") && message.contains("scalar"), "{message}");
+    }
+
+    #[test]
+    fn portable_vectors_are_where_they_belong() {
+        let has = |name: &str| IsaLevel::available().iter().any(|level| level.name() == name);
+        assert_eq!(has("neon"), cfg!(target_arch = "aarch64"));
+        let simd128 = cfg!(all(target_arch = "wasm32", target_feature = "simd128"));
+        assert_eq!(has("simd128"), simd128);
     }
 
     #[test]

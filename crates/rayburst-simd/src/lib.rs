@@ -17,6 +17,12 @@ mod triangles;
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+#[cfg(any(target_arch = "aarch64", all(target_arch = "wasm32", target_feature = "simd128")))]
+mod lanes4;
+#[cfg(target_arch = "aarch64")]
+mod neon;
+#[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+mod simd128;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 #[cfg(target_arch = "x86_64")]
@@ -32,7 +38,11 @@ pub use group::{
 };
 pub use isa::{Isa, Kernel, SLOT};
 pub use level::{ISA_VARIABLE, IsaError, IsaLevel};
+#[cfg(target_arch = "aarch64")]
+pub use neon::Neon;
 pub use scalar::Scalar;
+#[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+pub use simd128::Simd128;
 pub use triangles::{Nearest, ShearRay, TriangleHits, Triangles4};
 
 #[cfg(test)]

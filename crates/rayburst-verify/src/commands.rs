@@ -2,6 +2,7 @@
 
 mod fuzz;
 mod leaks;
+mod trace;
 
 use std::path::PathBuf;
 
@@ -20,6 +21,10 @@ enum Command {
     Leaks(leaks::Options),
     /// Random soups and rays, traced in every way; all must agree with brute force, bit for bit
     Fuzz(fuzz::Options),
+    /// A small scene traced in one mode, for tools that count or read instructions
+    Trace(trace::Options),
+    /// Instructions per ray in every mode, counted by valgrind
+    Instructions,
 }
 
 /// Does what the command says.
@@ -27,6 +32,8 @@ pub(crate) fn run(arguments: Arguments) -> Result<(), String> {
     match arguments.command {
         Command::Leaks(options) => leaks::run(&options),
         Command::Fuzz(options) => fuzz::run(&options),
+        Command::Trace(options) => trace::run(&options),
+        Command::Instructions => trace::instructions(),
     }
 }
 

@@ -4,7 +4,6 @@
 //!   instruction set, mode and query.
 //! - [`fuzz`]: any bytes as a soup of triangles and rays; all ways to trace them must agree with
 //!   brute force, bit for bit.
-//! - [`probe`]: the kernels on a small scene, for counting and reading their instructions.
 //!
 //! `cargo xtask verify`, `fuzz`, `asm-check` and `instructions` are the commands.
 #![forbid(unsafe_code)]
@@ -15,5 +14,4 @@ pub mod files;
 pub mod fuzz;
 pub mod leaks;
 pub mod meshes;
-pub mod probe;
 pub mod rays;

@@ -1,6 +1,6 @@
 //! Closed meshes and where their inside is.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 use glam::{Affine3A, Mat3, Quat, Vec3};
 use rayburst_accel::TriangleMesh;
@@ -57,7 +57,7 @@ impl ClosedMesh {
     /// What keeps the mesh from being closed, if anything does: each edge must be passed once in
     /// either direction.
     pub fn defect(&self) -> Option<String> {
-        let mut edges = HashMap::new();
+        let mut edges = BTreeMap::new();
         for &[a, b, c] in &self.indices {
             for edge in [(a, b), (b, c), (c, a)] {
                 if edges.insert(edge, ()).is_some() {
@@ -103,7 +103,7 @@ pub fn noisy_sphere(level: u32, noise: f32) -> ClosedMesh {
         }
     }
     for _ in 0..level {
-        let mut middles = HashMap::new();
+        let mut middles = BTreeMap::new();
         let mut middle = |a: u32, b: u32| {
             *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
                 let sum = positions[a as usize] + positions[b as usize];
@@ -126,7 +126,7 @@ pub fn noisy_sphere(level: u32, noise: f32) -> ClosedMesh {
 /// A box from −1 to 1 whose edges are cut into `cells` equal parts on each axis.
 pub fn grid_box(cells: [u32; 3]) -> ClosedMesh {
     let mut mesh = ClosedMesh { inside: cube(0.9), ..ClosedMesh::default() };
-    let mut ids = HashMap::new();
+    let mut ids = BTreeMap::new();
     for axis in 0..3 {
         let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
         for side in [0, cells[axis]] {
