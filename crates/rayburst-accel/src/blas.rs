@@ -11,7 +11,6 @@ use crate::{
     InstanceFlags, TraceOptions, TriangleMesh, ValidationReport,
     build::{
         binned_sah::{BinnedSah, MAX_DEPTH},
-        hlbvh::Hlbvh,
         monitor::Monitor,
         morton::Keys,
         ploc::Ploc,
@@ -86,10 +85,12 @@ impl Blas {
                 (Bvh8::collapse(&binary, &leaves)?, primitives, primitives)
             }
             Builder::Hlbvh => {
-                let refs = references_of()?;
-                let builder = Hlbvh { curve: options.curve, bins, leaf_size, monitor };
-                let binary = builder.build(&refs)?;
-                (Bvh8::collapse(&binary, &leaves)?, refs.len(), refs.len())
+                let keys = triangle_keys::of_triangles(geometries, leaves.starts, options.curve)?;
+                monitor.check()?;
+                let keys = Keys::sort(keys);
+                monitor.check()?;
+                monitor.begin(keys.len());
+                (Bvh8::from_clusters(&keys, &leaves, bins, monitor)?, keys.len(), keys.len())
             }
             Builder::Ploc => {
                 let refs = references_of()?;

@@ -27,7 +27,8 @@ pub enum Builder {
     SpatialSplits,
     /// Along a space-filling curve (LBVH), straight into wide nodes.
     Lbvh,
-    /// Clusters along a space-filling curve, the surface area heuristic above them (HLBVH).
+    /// Clusters along a space-filling curve, straight into wide nodes, the surface area heuristic
+    /// above them (HLBVH).
     Hlbvh,
     /// Bottom-up along a space-filling curve: nearest neighbours merge (PLOC).
     Ploc,
@@ -71,7 +72,7 @@ impl BuildOptions<'_> {
     /// The builder asked for.
     pub(crate) fn resolve_builder(&self) -> Builder {
         self.builder.unwrap_or(match self.quality {
-            BuildQuality::Fast => Builder::Lbvh,
+            BuildQuality::Fast => Builder::Hlbvh,
             BuildQuality::Balanced => Builder::BinnedSah,
             BuildQuality::Best => Builder::SpatialSplits,
         })

@@ -6,6 +6,8 @@
 //!
 //! Changed: works on the wide nodes and leaves in place. The memory of a subtree is contiguous, so
 //! subtrees are refitted in parallel; sums are added in the order of the tree, whatever the threads.
+//! Of trees whose nodes above clusters are apart, first the clusters are refitted, then the nodes above
+//! in reverse order.
 
 use glam::{Vec3, Vec4};
 use rayburst_math::Aabb;
@@ -21,7 +23,7 @@ use crate::{
     layout::{
         arena::Line,
         bvh8::{NODE_LINES, Node8, Reference},
-        morton8::{Bounds, transpose},
+        curve_leaves::{Bounds, transpose},
         triangles::{BLOCK, TriangleId},
     },
 };
@@ -41,6 +43,8 @@ pub struct RefitReport {
 
 /// How many levels from the root are worked on by several tasks.
 const PARALLEL_LEVELS: usize = 3;
+/// Clusters that are refitted by one task.
+const CLUSTERS: usize = 256;
 
 impl Blas {
     /// Moves the triangles to new places: the geometries must have as many triangles as those that
@@ -55,7 +59,10 @@ impl Blas {
         let count = self.geometry_count();
         let (tree, starts, _) = self.parts();
         let mut refit = Refit { geometries, starts: &starts[..count], geometry: 0 };
-        let done = refit.node(tree.lines_mut(), 0, 0);
+        let done = match tree.lines_mut() {
+            (lines, None) => refit.node(lines, 0, 0),
+            (lines, Some(above)) => refit.clusters(lines, above),
+        };
         let bounds = if done.bounds.lower.x <= done.bounds.upper.x {
             done.bounds.aabb()
         } else {
@@ -198,7 +205,89 @@ impl Refit<'_> {
         done
     }
 
-    /// The same on one thread.
+    /// Refits all clusters, then all nodes above, which start at some line, parents first.
+    fn clusters(&mut self, lines: &mut [Line], above: usize) -> Done {
+        let (others, own) = lines.split_at_mut(above);
+        let (root, clusters) = others.split_at_mut(NODE_LINES);
+        let nodes: &mut [Node8] = bytemuck::cast_slice_mut(own);
+        let root: &mut Node8 = &mut bytemuck::cast_slice_mut(root)[0];
+        let line = |child: Reference| (child.value() / 2) as usize;
+        let is_item = |child: Reference| child != Reference::NONE && line(child) < above;
+        // Clusters in the order of the memory; the root counts as the last node.
+        let mut items: Vec<(Reference, u32)> = Vec::new();
+        for (number, node) in nodes.iter().chain(std::iter::once(&*root)).enumerate() {
+            let children = node.children.into_iter().zip(8 * number as u32..);
+            items.extend(children.filter(|&(child, _)| is_item(child)));
+        }
+        items.par_sort_unstable_by_key(|&(child, _)| child.value());
+        let mut tasks = Vec::with_capacity(items.len() / CLUSTERS + 1);
+        let mut rest = clusters;
+        for items in items.chunks(CLUSTERS).rev() {
+            let first = line(items[0].0);
+            let (before, own) = rest.split_at_mut(first - NODE_LINES);
+            tasks.push((items, first, own));
+            rest = before;
+        }
+        let count = nodes.len();
+        let this = *self;
+        let results: Vec<(Done, Vec<Bounds>)> = tasks
+            .into_par_iter()
+            .map(|(items, first, lines)| { this }.items(items, first, lines))
+            .collect();
+        let mut done = Done { bounds: Bounds::EMPTY, area: 0.0, changed: 0, hidden: 0 };
+        let mut slots = vec![Bounds::EMPTY; 8 * (count + 1)];
+        for (items, (result, bounds)) in items.chunks(CLUSTERS).rev().zip(results) {
+            done.add(result);
+            for (&(_, slot), bounds) in items.iter().zip(bounds) {
+                slots[slot as usize] = bounds;
+            }
+        }
+        let mut boxes = vec![Bounds::EMPTY; count];
+        for (number, node) in
+            nodes.iter_mut().enumerate().rev().chain(std::iter::once((count, root)))
+        {
+            done.bounds = Bounds::EMPTY;
+            for slot in 0..8 {
+                let child = node.children[slot];
+                if child != Reference::NONE {
+                    let bounds = if is_item(child) {
+                        slots[8 * number + slot]
+                    } else {
+                        boxes[(line(child) - above) / NODE_LINES]
+                    };
+                    set_box(node, slot, &bounds, &mut done);
+                }
+            }
+            done.area += f64::from(done.bounds.half_area().max(0.0));
+            if let Some(own) = boxes.get_mut(number) {
+                *own = done.bounds;
+            }
+        }
+        done
+    }
+
+    /// Refits clusters, given the lines from that of the first on; returns their boxes, too.
+    fn items(
+        &mut self,
+        items: &[(Reference, u32)],
+        first: usize,
+        lines: &mut [Line],
+    ) -> (Done, Vec<Bounds>) {
+        let mut done = Done { bounds: Bounds::EMPTY, area: 0.0, changed: 0, hidden: 0 };
+        let mut boxes = Vec::with_capacity(items.len());
+        for &(child, _) in items {
+            boxes.push(if child.is_leaf() {
+                self.leaf_of(bytemuck::cast_slice_mut(lines), first, child, &mut done)
+            } else {
+                let start = (child.value() / 2) as usize;
+                let result = self.subtree(&mut lines[start - first..], start);
+                done.add(result)
+            });
+        }
+        (done, boxes)
+    }
+
+    /// Refits the subtree of a node on one thread.
     fn subtree(&mut self, lines: &mut [Line], at: usize) -> Done {
         let mut done = Done { bounds: Bounds::EMPTY, area: 0.0, changed: 0, hidden: 0 };
         let children = bytemuck::cast_slice::<Line, Node8>(&lines[..NODE_LINES])[0].children;

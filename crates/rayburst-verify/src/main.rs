@@ -1,4 +1,6 @@
 //! The proof tools as commands; `cargo xtask` calls them with the right profile.
+
+#![allow(clippy::print_stderr, clippy::print_stdout, reason = "a command line tells its progress")]
 #![forbid(unsafe_code)]
 
 mod commands;

@@ -71,12 +71,10 @@ fn extent(scene: &ClosedScene) -> f32 {
     let corner = |i: &Affine3A| {
         Vec3::from(i.translation.abs())
             + own
-                * Vec3::from(
-                    i.matrix3
-                        .to_cols_array_2d()
-                        .iter()
-                        .fold(Vec3::ZERO, |sum, &column| sum + Vec3::from(column).abs()),
-                )
+                * i.matrix3
+                    .to_cols_array_2d()
+                    .iter()
+                    .fold(Vec3::ZERO, |sum, &column| sum + Vec3::from(column).abs())
     };
     own.max(largest(&mut scene.instances.iter().map(corner)))
 }

@@ -35,13 +35,14 @@ pub(crate) fn allocate(count: usize) -> Result<Vec<Line>, BuildError> {
 }
 
 /// Lines in consecutive parts of the given sizes, each zeroed and then written by a task of its own,
-/// which gets the part's number.
+/// which gets the part's number. There is room for some more lines at the end.
 pub(crate) fn allocate_parts<R: Send>(
     sizes: &[usize],
+    more: usize,
     write: impl Fn(usize, &mut [Line]) -> R + Sync,
 ) -> Result<(Vec<Line>, Vec<R>), BuildError> {
     let count = sizes.iter().fold(0usize, |sum, &size| sum.saturating_add(size));
-    let mut lines = reserve(count)?;
+    let mut lines = reserve(count.saturating_add(more))?;
     let mut rest = &mut lines.spare_capacity_mut()[..count];
     let mut parts = Vec::with_capacity(sizes.len());
     for &size in sizes {
@@ -108,18 +109,19 @@ mod tests {
         assert!(lines.len() == 100_000 && lines.iter().all(|line| line.words == [0; 16]));
         assert!(matches!(allocate(MAX_LINES + 1), Err(BuildError::TooMany { .. })));
         let sizes = [MAX_LINES, usize::MAX];
-        assert!(matches!(allocate_parts(&sizes, |_, _| ()), Err(BuildError::TooMany { .. })));
+        assert!(matches!(allocate_parts(&sizes, 0, |_, _| ()), Err(BuildError::TooMany { .. })));
     }
 
     #[test]
     fn parts_follow_each_other() {
-        let (lines, lengths) = allocate_parts(&[3, 0, 1, 7], |number, part| {
+        let (lines, lengths) = allocate_parts(&[3, 0, 1, 7], 5, |number, part| {
             assert!(part.iter().all(|line| line.words == [0; 16]));
             part.iter_mut().for_each(|line| line.words[5] = number as u32);
             part.len()
         })
         .unwrap();
         assert_eq!(lengths, [3, 0, 1, 7]);
+        assert!(lines.capacity() >= 16);
         assert!(lines.iter().map(|l| l.words[5]).eq([0, 0, 0, 2, 3, 3, 3, 3, 3, 3, 3]));
     }
 }

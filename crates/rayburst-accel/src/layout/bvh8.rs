@@ -100,6 +100,8 @@ pub(crate) trait Leaves: Sync {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Bvh8 {
     lines: Vec<Line>,
+    /// Where the nodes above clusters start, if there are any; see [`super::hlbvh8`].
+    above: Option<usize>,
     pub(crate) bounds: Aabb,
     pub(crate) shape: Shape,
 }
@@ -126,7 +128,7 @@ impl Bvh8 {
                 Node8 { boxes: Boxes8::EMPTY, children: [Reference::NONE; 8], spare: [0; 8] };
             lines.copy_from_slice(bytemuck::cast_slice(&[node]));
             let shape = Shape { nodes: 1, depth: 1, ..Shape::default() };
-            return Ok(Self { lines, bounds: Aabb::EMPTY, shape });
+            return Ok(Self { lines, above: None, bounds: Aabb::EMPTY, shape });
         }
         let sizes = zeroed_vec(tree.nodes.len(), "the sizes of wide nodes")?;
         let writer = Writer { tree, collapse: Collapse::new(tree)?, leaves, sizes };
@@ -135,17 +137,23 @@ impl Bvh8 {
         let mut lines = allocate(plan.lines)?;
         writer.write(0, 0, &mut lines, 0);
         let sah_cost = plan.area / f64::from(bounds.half_area()).max(f64::MIN_POSITIVE);
-        Ok(Self { lines, bounds, shape: Shape { sah_cost: sah_cost as f32, ..plan.shape } })
+        let shape = Shape { sah_cost: sah_cost as f32, ..plan.shape };
+        Ok(Self { lines, above: None, bounds, shape })
     }
 
     /// A tree that was written elsewhere; its root is at the start.
     pub(crate) fn of_lines(lines: Vec<Line>, bounds: Aabb, shape: Shape) -> Self {
-        Self { lines, bounds, shape }
+        Self { lines, above: None, bounds, shape }
     }
 
-    /// Its memory, for refitting.
-    pub(crate) fn lines_mut(&mut self) -> &mut [Line] {
-        &mut self.lines
+    /// The same with nodes above clusters from some line on.
+    pub(crate) fn with_nodes_above(self, line: usize) -> Self {
+        Self { above: Some(line), ..self }
+    }
+
+    /// Its memory, for refitting, and where the nodes above clusters start.
+    pub(crate) fn lines_mut(&mut self) -> (&mut [Line], Option<usize>) {
+        (&mut self.lines, self.above)
     }
 
     /// Bytes taken.

@@ -4,5 +4,7 @@ pub(crate) mod arena;
 pub(crate) mod bvh2;
 pub(crate) mod bvh8;
 pub(crate) mod collapse;
+pub(crate) mod curve_leaves;
+pub(crate) mod hlbvh8;
 pub(crate) mod morton8;
 pub(crate) mod triangles;

@@ -9,24 +9,21 @@
 //! writes leaves and boxes bottom-up. Equal codes divide in the middle, so the depth is at most the
 //! bits of a code plus the logarithm of the number of triangles.
 
-use glam::{Mat4, Vec3, Vec4};
-use rayburst_math::Aabb;
-use rayburst_simd::Triangles4;
 use rayon::prelude::*;
 
 use super::{
     arena::{Line, allocate_parts},
     bvh2::Bvh2,
     bvh8::{Bvh8, NODE_LINES, Node8, Reference, Shape},
-    triangles::{BLOCK, TriangleId, TriangleLeaves},
+    curve_leaves::{Bounds, CurveLeaves, LEAF_WORDS, leaf_lines},
+    triangles::{BLOCK, TriangleLeaves},
 };
 use crate::{BuildError, build::morton::Keys};
 
 /// Triangles of a part that is planned and written by one task.
 const TASK: usize = 1 << 12;
-/// Triangles of a node that has leaves only.
-const NODE_TRIANGLES: usize = 8 * BLOCK;
-const LEAF_WORDS: usize = size_of::<Triangles4>() / 4;
+/// Triangles of a node that has leaves only, at most.
+pub(crate) const NODE_TRIANGLES: usize = 8 * BLOCK;
 
 /// What a child is.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -91,33 +88,6 @@ struct Written {
     area: f64,
 }
 
-/// A box in four lanes, of which the last is meaningless.
-#[derive(Clone, Copy)]
-pub(crate) struct Bounds {
-    pub(crate) lower: Vec4,
-    pub(crate) upper: Vec4,
-}
-
-impl Bounds {
-    pub(crate) const EMPTY: Self =
-        Self { lower: Vec4::splat(f32::INFINITY), upper: Vec4::splat(f32::NEG_INFINITY) };
-
-    #[inline(always)]
-    pub(crate) fn grow(&mut self, lower: Vec4, upper: Vec4) {
-        self.lower = self.lower.min(lower);
-        self.upper = self.upper.max(upper);
-    }
-
-    pub(crate) fn aabb(&self) -> Aabb {
-        Aabb { lower: self.lower.truncate(), upper: self.upper.truncate() }
-    }
-
-    pub(crate) fn half_area(&self) -> f32 {
-        let e = self.upper - self.lower;
-        e.x * e.y + e.y * e.z + e.z * e.x
-    }
-}
-
 impl Bvh8 {
     /// Builds over the triangles of sorted keys.
     pub(crate) fn from_keys(
@@ -159,10 +129,11 @@ impl Bvh8 {
             sizes.push(size);
             next += size;
         }
-        let (mut lines, written) = allocate_parts(&sizes, |number, lines| {
+        let (mut lines, written) = allocate_parts(&sizes, 0, |number, lines| {
             let Kind::Task(task) = top.sequence[number] else { return None };
             let start = starts[task as usize];
-            let mut writer = Writer { keys, triangles, geometry: 0, start, tasks: &[] };
+            let leaves = CurveLeaves::new(keys, triangles);
+            let mut writer = Writer { leaves, start, tasks: &[] };
             Some(writer.write(&plans[task as usize], lines))
         })?;
         // Tasks are in the sequence in their own order.
@@ -170,7 +141,8 @@ impl Bvh8 {
             starts.iter().copied().zip(written.into_iter().flatten()).collect();
         let written = match root {
             Kind::Node(_) => {
-                let mut writer = Writer { keys, triangles, geometry: 0, start: 0, tasks: &parts };
+                let leaves = CurveLeaves::new(keys, triangles);
+                let mut writer = Writer { leaves, start: 0, tasks: &parts };
                 let written = writer.write(&top, &mut lines);
                 let area = written.area + parts.iter().map(|(_, part)| part.area).sum::<f64>();
                 Written { area, ..written }
@@ -230,10 +202,6 @@ fn divide(keys: &Keys, part: Part, ends: &mut [u32; 9]) -> usize {
     count
 }
 
-fn leaf_lines(leaves: usize) -> usize {
-    (leaves * LEAF_WORDS).div_ceil(16)
-}
-
 /// Plans the nodes of many triangles and notes the parts below as tasks.
 fn plan_top(keys: &Keys, part: Part, level: usize, plan: &mut Plan) -> Kind {
     if part.len() <= TASK {
@@ -283,10 +251,7 @@ fn plan_children(
 
 /// Writes the nodes of a plan.
 struct Writer<'a> {
-    keys: &'a Keys,
-    triangles: &'a TriangleLeaves<'a>,
-    /// The geometry of the last triangle.
-    geometry: usize,
+    leaves: CurveLeaves<'a>,
     /// The first line of the plan's part.
     start: usize,
     /// Where the roots of tasks are, and what was written there.
@@ -307,10 +272,11 @@ impl Writer<'_> {
             for child in 0..planned.children as usize {
                 let (own, reference) = match planned.kinds[child] {
                     Kind::Leaf => {
-                        let (block, own) = self
-                            .block(planned.ends[child] as usize, planned.ends[child + 1] as usize);
-                        words[leaf * LEAF_WORDS..][..LEAF_WORDS]
-                            .copy_from_slice(bytemuck::cast_slice(std::slice::from_ref(&block)));
+                        let own = self.leaves.write(
+                            planned.ends[child] as usize,
+                            planned.ends[child + 1] as usize,
+                            &mut words[leaf * LEAF_WORDS..][..LEAF_WORDS],
+                        );
                         let at = 2 * (self.start + planned.at as usize + NODE_LINES)
                             + leaf * (LEAF_WORDS / 8);
                         leaf += 1;
@@ -326,11 +292,7 @@ impl Writer<'_> {
                         (written.bounds, Reference::node(*at as u32))
                     }
                 };
-                for axis in 0..3 {
-                    node.boxes.planes[2 * axis][child] = own.lower[axis];
-                    node.boxes.planes[2 * axis + 1][child] = own.upper[axis];
-                }
-                node.children[child] = reference;
+                node.set(child, &own, reference);
                 all.grow(own.lower, own.upper);
             }
             area += f64::from(all.half_area());
@@ -339,48 +301,4 @@ impl Writer<'_> {
         }
         Written { bounds: bounds[0], area }
     }
-
-    /// The leaf of some keys, and its box.
-    #[inline(always)]
-    fn block(&mut self, first: usize, end: usize) -> (Triangles4, Bounds) {
-        let mut corners = [[Vec4::NAN; BLOCK]; 3];
-        let mut ids = [TriangleId::NONE; BLOCK];
-        let mut bounds = Bounds::EMPTY;
-        for (lane, at) in (first..end).enumerate() {
-            let triangle = self.keys.index(at);
-            let (own, opaque) = self.corners(triangle);
-            let [a, b, c] = own;
-            bounds.grow(a.min(b).min(c), a.max(b).max(c));
-            for (lanes, corner) in corners.iter_mut().zip(own) {
-                lanes[lane] = corner;
-            }
-            ids[lane] = TriangleId::new(triangle, opaque);
-        }
-        (transpose(&corners, ids), bounds)
-    }
-
-    #[inline(always)]
-    fn corners(&mut self, triangle: u32) -> ([Vec4; 3], bool) {
-        let starts = self.triangles.starts;
-        let is_in = |geometry: usize| {
-            starts[geometry] <= triangle
-                && starts.get(geometry + 1).is_none_or(|&next| triangle < next)
-        };
-        if !is_in(self.geometry) {
-            self.geometry = starts.partition_point(|&start| start <= triangle) - 1;
-        }
-        let mesh = &self.triangles.geometries[self.geometry];
-        let corners = mesh.triangle((triangle - starts[self.geometry]) as usize);
-        (corners.map(|corner: Vec3| corner.extend(0.0)), mesh.opaque)
-    }
-}
-
-/// A leaf from the corners of its lanes.
-#[inline(always)]
-pub(crate) fn transpose(corners: &[[Vec4; BLOCK]; 3], ids: [TriangleId; BLOCK]) -> Triangles4 {
-    let vertices = corners.map(|[a, b, c, d]| {
-        let rows = Mat4::from_cols(a, b, c, d).transpose();
-        [rows.x_axis.to_array(), rows.y_axis.to_array(), rows.z_axis.to_array()]
-    });
-    Triangles4 { vertices, ids: ids.map(TriangleId::word) }
 }

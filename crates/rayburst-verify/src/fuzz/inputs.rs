@@ -107,7 +107,8 @@ impl Input {
         let vertices = 1 + r.below(80);
         let positions: Vec<Vec3> = (0..vertices).map(|_| r.vector()).collect();
         let triangles = r.below(100);
-        let indices = (0..triangles).map(|_| [(); 3].map(|()| r.below(vertices) as u32)).collect();
+        let indices: Vec<[u32; 3]> =
+            (0..triangles).map(|_| [(); 3].map(|()| r.below(vertices) as u32)).collect();
         let mut moved = positions.clone();
         for _ in 0..r.below(8) {
             let vertex = r.below(vertices);
@@ -142,7 +143,7 @@ impl Input {
     }
 }
 
-fn read_rays(r: &mut Reader<'_>, positions: &[Vec3], indices: &Vec<[u32; 3]>) -> Vec<Ray> {
+fn read_rays(r: &mut Reader<'_>, positions: &[Vec3], indices: &[[u32; 3]]) -> Vec<Ray> {
     let count = r.below(200);
     let mut rays = Vec::with_capacity(count);
     let mut ray = Ray::new(Vec3::ZERO, Vec3::X);
