@@ -45,7 +45,7 @@ pub struct Preset {
 impl Preset {
     /// All presets.
     pub const ALL: [Self; 3] = [
-        Self { name: "fast", quality: BuildQuality::Fast, builder: "lbvh", embree: Quality::Low },
+        Self { name: "fast", quality: BuildQuality::Fast, builder: "hlbvh", embree: Quality::Low },
         Self {
             name: "balanced",
             quality: BuildQuality::Balanced,
