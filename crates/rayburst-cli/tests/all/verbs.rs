@@ -128,7 +128,8 @@ fn builds_are_benchmarked() {
     let rows: serde_json::Value = serde_json::from_slice(&place.read("rows.json")).unwrap();
     let rows = rows.as_array().unwrap();
     // Of each scene two figures of three presets, and refitting.
-    let builders = ["hlbvh", "hlbvh", "binned-sah", "binned-sah", "spatial-splits", "spatial-splits"];
+    let builders =
+        ["hlbvh", "hlbvh", "binned-sah", "binned-sah", "spatial-splits", "spatial-splits"];
     assert_eq!(rows.len(), 2 * (builders.len() + 1));
     let (built, fitted): (Vec<_>, Vec<_>) = rows.iter().partition(|row| row["builder"] != "refit");
     assert!(fitted.iter().all(|row| row["unit"] == "Mtri/s" && row["value"].as_f64() > Some(0.0)));
