@@ -21,6 +21,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("rayburst-bench", &["rayburst-math", "rayburst-accel", "rayburst-scene"]),
     ("rayburst-cli", &["rayburst", "rayburst-bench"]),
     ("rayburst-testkit", &["rayburst-math"]),
+    ("rayburst-verify", &["rayburst-math", "rayburst-simd", "rayburst-accel", "rayburst-scene"]),
     ("xtask", &[]),
 ];
 
