@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use crate::tidy;
+use crate::{portable, tidy};
 
 /// The README's second command; `ci` runs this very line.
 const TEST_COMMAND: &str = "cargo test --workspace";
@@ -13,6 +13,7 @@ pub(crate) fn run() -> Result<(), String> {
     tidy::run()?;
     step("cargo clippy --workspace --all-targets -- -D warnings", &[])?;
     step("cargo clippy -p rayburst-cli --features bench-peers --all-targets -- -D warnings", &[])?;
+    portable::run()?;
     step("cargo doc --workspace --no-deps", &[("RUSTDOCFLAGS", "-D warnings")])?;
     let readme = std::fs::read_to_string("README.md").map_err(|e| format!("README.md: {e}"))?;
     if !readme.lines().any(|line| line.trim() == TEST_COMMAND) {

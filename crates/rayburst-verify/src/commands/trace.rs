@@ -3,12 +3,13 @@
 //! `instructions` runs `trace` under valgrind, once without and once with tracing, for each
 //! instruction set that valgrind knows, mode, query and set of rays; the difference is the tracing.
 
-use std::process::Command;
+use std::{process::Command, sync::Arc};
 
 use clap::{Args, ValueEnum};
-use glam::Vec3;
+use glam::{Affine3A, Vec3};
 use rayburst_accel::{
-    AcceptAll, Blas, BuildOptions, BuildQuality, IsaLevel, TraceMode, TraceOptions, TriangleMesh,
+    AcceptAll, Blas, BuildOptions, BuildQuality, Instance, IsaLevel, Tlas, TraceMode, TraceOptions,
+    TriangleMesh,
 };
 use rayburst_math::{Hit, Ray, hash::Rng};
 use rayburst_verify::{
@@ -36,6 +37,9 @@ pub(super) struct Options {
     /// The rays
     #[arg(long, default_value = "incoherent")]
     set: Set,
+    /// So many instances of the scene
+    #[arg(long)]
+    instances: Option<u16>,
 }
 
 /// A scene of 20480 triangles.
@@ -44,6 +48,14 @@ fn blas(isa: Option<IsaLevel>) -> Result<Blas, String> {
     let geometry = TriangleMesh::new(&mesh.positions, &mesh.indices);
     let options = BuildOptions { quality: BuildQuality::Best, isa, ..BuildOptions::default() };
     Blas::build(&[geometry], &options).map_err(|e| e.to_string())
+}
+
+/// The scene several times, one beside the other.
+fn tlas(blas: &Arc<Blas>, count: u16) -> Result<Tlas, String> {
+    let place = |i: u16| Affine3A::from_translation(Vec3::X * 0.1 * f32::from(i));
+    let instances: Vec<_> = (0..count).map(|i| Instance::new(0, place(i))).collect();
+    let options = BuildOptions::default();
+    Tlas::build(vec![blas.clone()], &instances, &options).map_err(|e| e.to_string())
 }
 
 fn rays(set: Set) -> Vec<Ray> {
@@ -67,16 +79,23 @@ fn rays(set: Set) -> Vec<Ray> {
 /// What valgrind runs.
 pub(super) fn run(options: &Options) -> Result<(), String> {
     // One thread: the same instructions every time.
-    let blas = super::pool(Some(1))?.install(|| blas(None))?;
+    let pool = super::pool(Some(1))?;
+    let blas = Arc::new(pool.install(|| blas(None))?);
+    let tlas = options.instances.map(|count| pool.install(|| tlas(&blas, count)));
     let rays = rays(options.set);
     let (mut hits, mut any) = (vec![Hit::MISS; RAYS], vec![false; RAYS]);
     if let Some(number) = options.trace {
         let traces = traces();
         let &(mode, query) = traces.get(number).ok_or("no such mode")?;
         let options = TraceOptions { mode, ..TraceOptions::default() };
-        match query {
-            Query::Closest => blas.closest_hits(&rays, &mut hits, &options, &AcceptAll),
-            Query::Any => blas.any_hits(&rays, &mut any, &options, &AcceptAll),
+        let tlas = tlas.transpose()?;
+        match (query, &tlas) {
+            (Query::Closest, None) => blas.closest_hits(&rays, &mut hits, &options, &AcceptAll),
+            (Query::Any, None) => blas.any_hits(&rays, &mut any, &options, &AcceptAll),
+            (Query::Closest, Some(tlas)) => {
+                tlas.closest_hits(&rays, &mut hits, &options, &AcceptAll);
+            }
+            (Query::Any, Some(tlas)) => tlas.any_hits(&rays, &mut any, &options, &AcceptAll),
         }
     }
     std::hint::black_box((hits, any));
