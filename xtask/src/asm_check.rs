@@ -3,7 +3,7 @@
 //! What it proves of every kernel compiled for AVX2 and AVX-512:
 //! - It calls nothing but [`CALLS`]. A leaf operation that is not inlined would show: a call per node
 //!   costs as much as the node, and its code would be compiled for the baseline.
-//! - It panics nowhere but at [`CHECKS`], which are passed once a ray or once an instance. A bounds
+//! - It panics nowhere but at [`CHECKS`], which are passed once a ray, an instance or 64 rays. A bounds
 //!   check in a step would show. A panic knows its place in the source: the kernel loads the address
 //!   of a `Location`, whatever the compiler moved or merged.
 
@@ -30,7 +30,16 @@ const CALLS: &[&str] = &[
     "__rust_dealloc",
     "thread_local::destructors",
     "std::thread::local::panic_access_error",
+    // Empty groups of a bundle, once for 64 rays.
+    "memset@",
+    "memcpy@",
+    // Indices of rays without a bundle: once a batch, and when there are more than ever before.
+    "batch::OTHERS",
+    "alloc::raw_vec::RawVec",
+    // Rays of a bundle that are in doubt.
+    "bundle::walk::Pilot<",
     // Panics have a list of their own.
+    "core::slice::index::slice_index_fail",
     "_Unwind_Resume",
     "core::panicking::",
 ];
@@ -40,6 +49,16 @@ const CHECKS: &[(&str, &str)] = &[
     // Storing the answer of a ray.
     ("traverse/answers.rs", "self.0[index] ="),
     ("traverse/interleaved.rs", "counts["),
+    // Taking the next ray.
+    ("traverse/interleaved.rs", "let ray = &self.rays[index];"),
+    // Looking at 64 rays, and putting them side by side.
+    ("traverse/batch.rs", "is_coherent(&rays[part"),
+    ("traverse/batch.rs", "alike(&part["),
+    ("bundle/mod.rs", "let part = &rays[first..];"),
+    ("bundle/mod.rs", "tracer.isa.load16("),
+    ("bundle/mod.rs", "tracer.structure.local(&part["),
+    // Answering a ray of a bundle.
+    ("bundle/mod.rs", "&rays[index]"),
     ("layout/triangles.rs", "starts[geometry]"),
     // Preparing a ray.
     ("traverse/prepare.rs", "reach.to_array()"),
@@ -48,6 +67,7 @@ const CHECKS: &[(&str, &str)] = &[
     ("src/tlas.rs", "self.blases["),
     ("src/tlas.rs", "self.instances["),
     ("src/tlas.rs", "self.tlas.blases["),
+    ("src/tlas.rs", "self.tlas.placed["),
     // Memory kept by the thread, once a batch.
     ("std/src/thread/local.rs", ""),
 ];
@@ -129,11 +149,26 @@ fn operand(code: &str) -> Option<u64> {
 /// What a kernel should not do.
 fn check(function: &Function, image: &Image) -> Vec<String> {
     let mut problems = vec![];
+    // Registers that were given the address of a function, which is checked there.
+    let mut known = BTreeSet::new();
     for code in &function.code {
         let (mnemonic, operands) = code.split_once(' ').unwrap_or((code, ""));
         let goes_to =
             |text: &str| text.split_once('<').map(|(_, n)| n.trim_end_matches('>').to_owned());
         let callee = match mnemonic {
+            "call"
+                if operands.trim_start().strip_prefix('*').is_some_and(|r| known.contains(r)) =>
+            {
+                None
+            }
+            "mov" => {
+                let slot = operand(code).and_then(|slot| image.slot(slot));
+                if slot.is_some() {
+                    let register = operands.split(',').nth(1).unwrap_or("");
+                    known.insert(register.split_whitespace().next().unwrap_or("").to_owned());
+                }
+                slot.map(str::to_owned)
+            }
             "call" => {
                 let slot = operand(code).and_then(|slot| image.slot(slot));
                 Some(slot.map(str::to_owned).or(goes_to(operands)).unwrap_or(operands.to_owned()))

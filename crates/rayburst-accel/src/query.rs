@@ -27,7 +27,7 @@ pub enum TraceMode {
     /// Several rays in flight, a node at a time each: hides the latency of memory.
     Interleaved,
     /// Bundles of up to 64 consecutive rays of alike directions, which visit nodes together; the rest
-    /// interleaved.
+    /// interleaved, and all rays among several instances.
     Packet,
 }
 

@@ -3,8 +3,8 @@
 use std::arch::x86_64::*;
 
 use crate::{
-    Boxes8, Extent16, Frustum, Group16, GroupAxes, Isa, Kernel, Nearest, Preparation16, Question16,
-    Rays16, Row16, ShearRay, SlabRay, TriangleHits, Triangles4, isa::SLOT, x86, x86_group,
+    Boxes8, Isa, Kernel, Nearest, ShearRay, SlabRay, TriangleHits, Triangles4, isa::SLOT, x86,
+    x86_group::group_methods, x86_lanes::F8,
 };
 
 /// Proof that the CPU has AVX2, FMA, BMI1, BMI2, F16C, LZCNT and POPCNT.
@@ -110,69 +110,7 @@ impl Isa for Avx2 {
         unsafe { x86::nearest4(block, ray, t_min, t_max, keep) }
     }
 
-    #[inline(always)]
-    fn load16(self, rays: &[[f32; 8]; 16], to: &mut Rays16) {
-        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { x86_group::load16(rays, to) }
-    }
-
-    #[inline(always)]
-    fn prepare16(
-        self,
-        rays: &Rays16,
-        how: &Preparation16,
-        axes: &GroupAxes,
-        group: &mut Group16,
-        extent: &mut Extent16,
-    ) {
-        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { x86_group::prepare16_avx2(rays, how, axes, group, extent) }
-    }
-
-    #[inline(always)]
-    fn end16(self, group: &Group16, active: u32) -> f32 {
-        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { x86_group::end16_avx2(group, active) }
-    }
-
-    #[inline(always)]
-    fn ends16(self, rows: &[Row16; 2]) -> [f32; 2] {
-        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { x86_group::ends16(rows) }
-    }
-
-    #[inline(always)]
-    fn frustum8(
-        self,
-        boxes: &Boxes8,
-        axes: &GroupAxes,
-        frustum: &Frustum,
-        t_min: f32,
-        t_max: f32,
-        distances: &mut [f32; 8],
-    ) -> u32 {
-        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { x86_group::frustum8(boxes, axes, frustum, t_min, t_max, distances) }
-    }
-
-    #[inline(always)]
-    fn box16(self, boxes: &Boxes8, slot: usize, axes: &GroupAxes, group: &Group16) -> u32 {
-        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { x86_group::box16_avx2(boxes, slot, axes, group) }
-    }
-
-    #[inline(always)]
-    fn triangle16<const NEAREST: bool>(
-        self,
-        block: &Triangles4,
-        lane: usize,
-        axes: &GroupAxes,
-        group: &mut Group16,
-        question: &Question16,
-    ) -> (u32, u32) {
-        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { x86_group::triangle16_avx2::<NEAREST>(block, lane, axes, group, question) }
-    }
+    group_methods!(F8);
 
     #[inline(always)]
     fn prefetch<T>(self, address: *const T) {

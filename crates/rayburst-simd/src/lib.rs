@@ -27,6 +27,8 @@ mod simd128;
 mod x86;
 #[cfg(target_arch = "x86_64")]
 mod x86_group;
+#[cfg(target_arch = "x86_64")]
+mod x86_lanes;
 
 #[cfg(target_arch = "x86_64")]
 pub use avx2::Avx2;

@@ -1,7 +1,4 @@
 //! [`crate::group`] in vectors of eight and sixteen lanes, written once over [`Lanes`].
-//!
-//! Like [`crate::x86`], the functions have no features of their own: they become instructions where
-//! they are inlined.
 
 use std::arch::x86_64::*;
 
@@ -9,281 +6,8 @@ use crate::{
     Boxes8, Extent16, Frustum, Group16, GroupAxes, Preparation16, Question16, Rays16, SlabRay,
     Triangles4,
     triangles::{LARGE, SMALL},
+    x86_lanes::{F8, Lanes, greatest_of_8, least_of_8},
 };
-
-/// Vectors of numbers, with masks as bits. All are unsafe for one reason: the CPU must have the
-/// instructions.
-trait Lanes: Copy {
-    const N: usize;
-    const ALL: u32 = ((1u64 << Self::N) - 1) as u32;
-
-    unsafe fn load(address: *const f32) -> Self;
-    unsafe fn splat(number: f32) -> Self;
-    unsafe fn add(self, other: Self) -> Self;
-    unsafe fn sub(self, other: Self) -> Self;
-    unsafe fn mul(self, other: Self) -> Self;
-    unsafe fn div(self, other: Self) -> Self;
-    unsafe fn mul_sub(self, factor: Self, subtrahend: Self) -> Self;
-    unsafe fn min(self, other: Self) -> Self;
-    unsafe fn max(self, other: Self) -> Self;
-    unsafe fn abs(self) -> Self;
-    /// Comparisons are false for NaN.
-    unsafe fn lt(self, other: Self) -> u32;
-    unsafe fn le(self, other: Self) -> u32;
-    unsafe fn eq(self, other: Self) -> u32;
-    /// Lanes whose bits, as signed integers, are less than those of `other`.
-    unsafe fn bits_lt(self, other: Self) -> u32;
-    /// Replaces the lanes of `mask`.
-    unsafe fn store(self, address: *mut f32, mask: u32);
-    unsafe fn store_all(self, address: *mut f32);
-    /// The lanes of `mask` of `self`, the others of `other`.
-    unsafe fn select(self, mask: u32, other: Self) -> Self;
-    unsafe fn greatest(self) -> f32;
-}
-
-/// # Safety
-/// The CPU must have AVX2.
-#[inline(always)]
-unsafe fn least_of_8(v: __m256) -> f32 {
-    // SAFETY: the caller's promise.
-    unsafe {
-        let v = _mm_min_ps(_mm256_castps256_ps128(v), _mm256_extractf128_ps::<1>(v));
-        let v = _mm_min_ps(v, _mm_movehl_ps(v, v));
-        _mm_cvtss_f32(_mm_min_ss(v, _mm_movehdup_ps(v)))
-    }
-}
-
-/// # Safety
-/// The CPU must have AVX2.
-#[inline(always)]
-unsafe fn greatest_of_8(v: __m256) -> f32 {
-    // SAFETY: the caller's promise.
-    unsafe {
-        let v = _mm_max_ps(_mm256_castps256_ps128(v), _mm256_extractf128_ps::<1>(v));
-        let v = _mm_max_ps(v, _mm_movehl_ps(v, v));
-        _mm_cvtss_f32(_mm_max_ss(v, _mm_movehdup_ps(v)))
-    }
-}
-
-/// Eight lanes of AVX2.
-#[derive(Clone, Copy)]
-struct F8(__m256);
-
-/// The lanes of `mask` as a vector.
-#[inline(always)]
-unsafe fn lanes_of(mask: u32) -> __m256i {
-    // SAFETY: the caller's CPU has AVX2.
-    unsafe {
-        let bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
-        _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32(mask as i32), bits), bits)
-    }
-}
-
-// SAFETY (of all blocks below): the CPU has the instructions by the trait's contract; addresses are
-// those of as many numbers as there are lanes.
-impl Lanes for F8 {
-    const N: usize = 8;
-
-    #[inline(always)]
-    unsafe fn load(address: *const f32) -> Self {
-        // SAFETY: see above.
-        Self(unsafe { _mm256_load_ps(address) })
-    }
-    #[inline(always)]
-    unsafe fn splat(number: f32) -> Self {
-        // SAFETY: see above.
-        Self(unsafe { _mm256_set1_ps(number) })
-    }
-    #[inline(always)]
-    unsafe fn add(self, other: Self) -> Self {
-        // SAFETY: see above.
-        Self(unsafe { _mm256_add_ps(self.0, other.0) })
-    }
-    #[inline(always)]
-    unsafe fn sub(self, other: Self) -> Self {
-        // SAFETY: see above.
-        Self(unsafe { _mm256_sub_ps(self.0, other.0) })
-    }
-    #[inline(always)]
-    unsafe fn mul(self, other: Self) -> Self {
-        // SAFETY: see above.
-        Self(unsafe { _mm256_mul_ps(self.0, other.0) })
-    }
-    #[inline(always)]
-    unsafe fn div(self, other: Self) -> Self {
-        // SAFETY: see above.
-        Self(unsafe { _mm256_div_ps(self.0, other.0) })
-    }
-    #[inline(always)]
-    unsafe fn mul_sub(self, factor: Self, subtrahend: Self) -> Self {
-        // SAFETY: see above.
-        Self(unsafe { _mm256_fmsub_ps(self.0, factor.0, subtrahend.0) })
-    }
-    #[inline(always)]
-    unsafe fn min(self, other: Self) -> Self {
-        // SAFETY: see above.
-        Self(unsafe { _mm256_min_ps(self.0, other.0) })
-    }
-    #[inline(always)]
-    unsafe fn max(self, other: Self) -> Self {
-        // SAFETY: see above.
-        Self(unsafe { _mm256_max_ps(self.0, other.0) })
-    }
-    #[inline(always)]
-    unsafe fn abs(self) -> Self {
-        // SAFETY: see above.
-        Self(unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0) })
-    }
-    #[inline(always)]
-    unsafe fn lt(self, other: Self) -> u32 {
-        // SAFETY: see above.
-        unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(self.0, other.0)) as u32 }
-    }
-    #[inline(always)]
-    unsafe fn le(self, other: Self) -> u32 {
-        // SAFETY: see above.
-        unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(self.0, other.0)) as u32 }
-    }
-    #[inline(always)]
-    unsafe fn eq(self, other: Self) -> u32 {
-        // SAFETY: see above.
-        unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_EQ_OQ>(self.0, other.0)) as u32 }
-    }
-    #[inline(always)]
-    unsafe fn bits_lt(self, other: Self) -> u32 {
-        // SAFETY: see above.
-        unsafe {
-            let less =
-                _mm256_cmpgt_epi32(_mm256_castps_si256(other.0), _mm256_castps_si256(self.0));
-            _mm256_movemask_ps(_mm256_castsi256_ps(less)) as u32
-        }
-    }
-    #[inline(always)]
-    unsafe fn store(self, address: *mut f32, mask: u32) {
-        // SAFETY: see above.
-        unsafe { _mm256_maskstore_ps(address, lanes_of(mask), self.0) }
-    }
-    #[inline(always)]
-    unsafe fn store_all(self, address: *mut f32) {
-        // SAFETY: see above.
-        unsafe { _mm256_store_ps(address, self.0) }
-    }
-    #[inline(always)]
-    unsafe fn select(self, mask: u32, other: Self) -> Self {
-        // SAFETY: see above.
-        Self(unsafe { _mm256_blendv_ps(other.0, self.0, _mm256_castsi256_ps(lanes_of(mask))) })
-    }
-    #[inline(always)]
-    unsafe fn greatest(self) -> f32 {
-        // SAFETY: see above.
-        unsafe { greatest_of_8(self.0) }
-    }
-}
-
-/// Sixteen lanes of AVX-512.
-#[derive(Clone, Copy)]
-struct F16(__m512);
-
-impl Lanes for F16 {
-    const N: usize = 16;
-
-    #[inline(always)]
-    unsafe fn load(address: *const f32) -> Self {
-        // SAFETY: see above.
-        Self(unsafe { _mm512_load_ps(address) })
-    }
-    #[inline(always)]
-    unsafe fn splat(number: f32) -> Self {
-        // SAFETY: see above.
-        Self(unsafe { _mm512_set1_ps(number) })
-    }
-    #[inline(always)]
-    unsafe fn add(self, other: Self) -> Self {
-        // SAFETY: see above.
-        Self(unsafe { _mm512_add_ps(self.0, other.0) })
-    }
-    #[inline(always)]
-    unsafe fn sub(self, other: Self) -> Self {
-        // SAFETY: see above.
-        Self(unsafe { _mm512_sub_ps(self.0, other.0) })
-    }
-    #[inline(always)]
-    unsafe fn mul(self, other: Self) -> Self {
-        // SAFETY: see above.
-        Self(unsafe { _mm512_mul_ps(self.0, other.0) })
-    }
-    #[inline(always)]
-    unsafe fn div(self, other: Self) -> Self {
-        // SAFETY: see above.
-        Self(unsafe { _mm512_div_ps(self.0, other.0) })
-    }
-    #[inline(always)]
-    unsafe fn mul_sub(self, factor: Self, subtrahend: Self) -> Self {
-        // SAFETY: see above.
-        Self(unsafe { _mm512_fmsub_ps(self.0, factor.0, subtrahend.0) })
-    }
-    #[inline(always)]
-    unsafe fn min(self, other: Self) -> Self {
-        // SAFETY: see above.
-        Self(unsafe { _mm512_min_ps(self.0, other.0) })
-    }
-    #[inline(always)]
-    unsafe fn max(self, other: Self) -> Self {
-        // SAFETY: see above.
-        Self(unsafe { _mm512_max_ps(self.0, other.0) })
-    }
-    #[inline(always)]
-    unsafe fn abs(self) -> Self {
-        // SAFETY: see above.
-        Self(unsafe { _mm512_abs_ps(self.0) })
-    }
-    #[inline(always)]
-    unsafe fn lt(self, other: Self) -> u32 {
-        // SAFETY: see above.
-        unsafe { u32::from(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(self.0, other.0)) }
-    }
-    #[inline(always)]
-    unsafe fn le(self, other: Self) -> u32 {
-        // SAFETY: see above.
-        unsafe { u32::from(_mm512_cmp_ps_mask::<_CMP_LE_OQ>(self.0, other.0)) }
-    }
-    #[inline(always)]
-    unsafe fn eq(self, other: Self) -> u32 {
-        // SAFETY: see above.
-        unsafe { u32::from(_mm512_cmp_ps_mask::<_CMP_EQ_OQ>(self.0, other.0)) }
-    }
-    #[inline(always)]
-    unsafe fn bits_lt(self, other: Self) -> u32 {
-        // SAFETY: see above.
-        unsafe {
-            let (a, b) = (_mm512_castps_si512(self.0), _mm512_castps_si512(other.0));
-            u32::from(_mm512_cmplt_epi32_mask(a, b))
-        }
-    }
-    #[inline(always)]
-    unsafe fn store(self, address: *mut f32, mask: u32) {
-        // SAFETY: see above.
-        unsafe { _mm512_mask_storeu_ps(address, mask as u16, self.0) }
-    }
-    #[inline(always)]
-    unsafe fn store_all(self, address: *mut f32) {
-        // SAFETY: see above.
-        unsafe { _mm512_store_ps(address, self.0) }
-    }
-    #[inline(always)]
-    unsafe fn select(self, mask: u32, other: Self) -> Self {
-        // SAFETY: see above.
-        Self(unsafe { _mm512_mask_mov_ps(other.0, mask as u16, self.0) })
-    }
-    #[inline(always)]
-    unsafe fn greatest(self) -> f32 {
-        // SAFETY: see above.
-        unsafe {
-            let high = _mm512_extractf32x8_ps::<1>(self.0);
-            greatest_of_8(_mm256_max_ps(_mm512_castps512_ps256(self.0), high))
-        }
-    }
-}
 
 /// Runs for the lanes from `$first` on, of as many as a vector has; collects masks.
 macro_rules! groups_of_lanes {
@@ -336,8 +60,12 @@ pub(crate) unsafe fn frustum8(
     }
 }
 
+/// [`crate::Isa::box16`].
+///
+/// # Safety
+/// The CPU must have the instructions of the lanes.
 #[inline(always)]
-unsafe fn box_lanes<L: Lanes>(
+pub(crate) unsafe fn box16<L: Lanes>(
     boxes: &Boxes8,
     slot: usize,
     axes: &GroupAxes,
@@ -369,8 +97,12 @@ unsafe fn box_lanes<L: Lanes>(
     }
 }
 
+/// [`crate::Isa::end16`].
+///
+/// # Safety
+/// The CPU must have the instructions of the lanes.
 #[inline(always)]
-unsafe fn end_lanes<L: Lanes>(group: &Group16, active: u32) -> f32 {
+pub(crate) unsafe fn end16<L: Lanes>(group: &Group16, active: u32) -> f32 {
     // SAFETY: the caller's CPU has the instructions; rows have sixteen numbers, aligned to 64 bytes.
     unsafe {
         let mut end = f32::NEG_INFINITY;
@@ -450,8 +182,12 @@ pub(crate) unsafe fn load16(rays: &[[f32; 8]; 16], to: &mut Rays16) {
     }
 }
 
+/// [`crate::Isa::prepare16`].
+///
+/// # Safety
+/// The CPU must have the instructions of the lanes.
 #[inline(always)]
-unsafe fn prepare_lanes<L: Lanes>(
+pub(crate) unsafe fn prepare16<L: Lanes>(
     rays: &Rays16,
     how: &Preparation16,
     axes: &GroupAxes,
@@ -520,8 +256,12 @@ unsafe fn prepare_lanes<L: Lanes>(
     }
 }
 
+/// [`crate::Isa::triangle16`].
+///
+/// # Safety
+/// The CPU must have the instructions of the lanes.
 #[inline(always)]
-unsafe fn triangle_lanes<L: Lanes, const NEAREST: bool>(
+pub(crate) unsafe fn triangle16<L: Lanes, const NEAREST: bool>(
     block: &Triangles4,
     lane: usize,
     axes: &GroupAxes,
@@ -598,81 +338,80 @@ unsafe fn triangle_lanes<L: Lanes, const NEAREST: bool>(
     }
 }
 
-/// The operations of one vector width.
-macro_rules! operations {
-    ($prepare16:ident, $end16:ident, $box16:ident, $triangle16:ident, $lanes:ident, $needs:literal) => {
-        /// [`crate::Isa::prepare16`].
-        ///
-        /// # Safety
-        #[doc = $needs]
+/// The operations on groups as methods of a token, in vectors of some lanes.
+macro_rules! group_methods {
+    ($lanes:ty) => {
         #[inline(always)]
-        pub(crate) unsafe fn $prepare16(
-            rays: &Rays16,
-            how: &Preparation16,
-            axes: &GroupAxes,
-            group: &mut Group16,
-            extent: &mut Extent16,
+        fn load16(self, rays: &[[f32; 8]; 16], to: &mut crate::Rays16) {
+            // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+            unsafe { crate::x86_group::load16(rays, to) }
+        }
+
+        #[inline(always)]
+        fn prepare16(
+            self,
+            rays: &crate::Rays16,
+            how: &crate::Preparation16,
+            axes: &crate::GroupAxes,
+            group: &mut crate::Group16,
+            extent: &mut crate::Extent16,
         ) {
-            // SAFETY: the caller's promise.
-            unsafe { prepare_lanes::<$lanes>(rays, how, axes, group, extent) }
+            // SAFETY: as above.
+            unsafe { crate::x86_group::prepare16::<$lanes>(rays, how, axes, group, extent) }
         }
 
-        /// [`crate::Isa::end16`].
-        ///
-        /// # Safety
-        #[doc = $needs]
         #[inline(always)]
-        pub(crate) unsafe fn $end16(group: &Group16, active: u32) -> f32 {
-            // SAFETY: the caller's promise.
-            unsafe { end_lanes::<$lanes>(group, active) }
+        fn end16(self, group: &crate::Group16, active: u32) -> f32 {
+            // SAFETY: as above.
+            unsafe { crate::x86_group::end16::<$lanes>(group, active) }
         }
 
-        /// [`crate::Isa::box16`].
-        ///
-        /// # Safety
-        #[doc = $needs]
         #[inline(always)]
-        pub(crate) unsafe fn $box16(
+        fn ends16(self, rows: &[crate::Row16; 2]) -> [f32; 2] {
+            // SAFETY: as above.
+            unsafe { crate::x86_group::ends16(rows) }
+        }
+
+        #[inline(always)]
+        fn frustum8(
+            self,
+            boxes: &Boxes8,
+            axes: &crate::GroupAxes,
+            frustum: &crate::Frustum,
+            t_min: f32,
+            t_max: f32,
+            distances: &mut [f32; 8],
+        ) -> u32 {
+            // SAFETY: as above.
+            unsafe { crate::x86_group::frustum8(boxes, axes, frustum, t_min, t_max, distances) }
+        }
+
+        #[inline(always)]
+        fn box16(
+            self,
             boxes: &Boxes8,
             slot: usize,
-            axes: &GroupAxes,
-            group: &Group16,
+            axes: &crate::GroupAxes,
+            group: &crate::Group16,
         ) -> u32 {
-            // SAFETY: the caller's promise.
-            unsafe { box_lanes::<$lanes>(boxes, slot, axes, group) }
+            // SAFETY: as above.
+            unsafe { crate::x86_group::box16::<$lanes>(boxes, slot, axes, group) }
         }
 
-        /// [`crate::Isa::triangle16`].
-        ///
-        /// # Safety
-        #[doc = $needs]
         #[inline(always)]
-        pub(crate) unsafe fn $triangle16<const NEAREST: bool>(
+        fn triangle16<const NEAREST: bool>(
+            self,
             block: &Triangles4,
             lane: usize,
-            axes: &GroupAxes,
-            group: &mut Group16,
-            question: &Question16,
+            axes: &crate::GroupAxes,
+            group: &mut crate::Group16,
+            question: &crate::Question16,
         ) -> (u32, u32) {
-            // SAFETY: the caller's promise.
-            unsafe { triangle_lanes::<$lanes, NEAREST>(block, lane, axes, group, question) }
+            // SAFETY: as above.
+            unsafe {
+                crate::x86_group::triangle16::<$lanes, NEAREST>(block, lane, axes, group, question)
+            }
         }
     };
 }
-
-operations!(
-    prepare16_avx2,
-    end16_avx2,
-    box16_avx2,
-    triangle16_avx2,
-    F8,
-    "The CPU must have AVX2 and FMA."
-);
-operations!(
-    prepare16_avx512,
-    end16_avx512,
-    box16_avx512,
-    triangle16_avx512,
-    F16,
-    "The CPU must have AVX-512 F and DQ, AVX2 and FMA."
-);
+pub(crate) use group_methods;

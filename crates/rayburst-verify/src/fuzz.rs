@@ -1,8 +1,8 @@
 //! Any bytes as a soup of triangles and rays: every way to trace them must give the same bits, and
 //! those of brute force.
 //!
-//! [`check`] is what a fuzzer calls: `fuzz/` gives it to libFuzzer, `cargo xtask fuzz` to a generator
-//! of its own, [`inputs::Mutator`]. Coordinates are any `f32` whatever: NaN, infinite, subnormal,
+//! [`check`] is what a fuzzer calls; `cargo xtask fuzz` gives it the inputs of a generator of its own,
+//! [`inputs::Mutator`]. Coordinates are any `f32` whatever: NaN, infinite, subnormal,
 //! huge.
 
 mod brute;

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use super::{
     binned_sah::{MAX_DEPTH, Slots, TASK, nodes_below},
     bounds::Bounds4,
-    curve_order::Ordered,
+    curve_order::in_curve_order,
     monitor::Monitor,
     primitives::PrimitiveRef,
 };
@@ -70,9 +70,8 @@ impl Ploc<'_> {
         if count == 0 {
             return Ok(Bvh2::default());
         }
-        let ordered = Ordered::new(refs, self.curve);
+        let refs = in_curve_order(refs, self.curve);
         self.monitor.check()?;
-        let refs = ordered.refs;
         let mut pairs: Vec<Pair> = zeroed_vec(count - 1, "the builder's pairs")?;
         let root = self.merge_all(&refs, &mut pairs)?;
         let mut nodes = Node2::allocate(1 + nodes_below(count))?;

@@ -3,12 +3,8 @@
 use std::{cmp::Ordering, ops::ControlFlow};
 
 use rayburst_math::{Hit, Ray};
-use rayburst_simd::Isa;
 
-use super::{
-    prepare::{PreparedRay, Span},
-    query::{Candidate, Pending, Place, Query},
-};
+use super::query::{Candidate, Place, Query};
 
 /// The hits so far, appended to a list.
 pub(crate) struct All<'a> {
@@ -63,14 +59,4 @@ impl Query for All<'_> {
         self.hits.push(place.hit(candidate));
         ControlFlow::Continue(())
     }
-
-    const ONE: bool = false;
-
-    #[inline(always)]
-    fn put_off(&mut self, _: bool, _: Pending) -> ControlFlow<()> {
-        ControlFlow::Continue(())
-    }
-
-    #[inline(always)]
-    fn settle<I: Isa>(&mut self, _: I, _: &Place<'_>, _: &PreparedRay, _: &Span) {}
 }

@@ -41,9 +41,9 @@ impl Query for Any {
         self.found = true;
         ControlFlow::Break(())
     }
+}
 
-    const ONE: bool = true;
-
+impl OneHit for Any {
     #[inline(always)]
     fn put_off(&mut self, hit: bool, _: Pending) -> ControlFlow<()> {
         self.found |= hit;
@@ -52,9 +52,7 @@ impl Query for Any {
 
     #[inline(always)]
     fn settle<I: Isa>(&mut self, _: I, _: &Place<'_>, _: &PreparedRay, _: &Span) {}
-}
 
-impl OneHit for Any {
     #[inline(always)]
     fn resume(ray: &Ray, _: &Place<'_>, found: Option<&Candidate>) -> Self {
         Self { t_max: ray.t_max, found: found.is_some() }

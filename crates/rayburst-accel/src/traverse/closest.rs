@@ -82,9 +82,9 @@ impl Query for Closest {
         };
         ControlFlow::Continue(())
     }
+}
 
-    const ONE: bool = true;
-
+impl OneHit for Closest {
     #[inline(always)]
     fn put_off(&mut self, hit: bool, pending: Pending) -> ControlFlow<()> {
         self.pending = if hit { pending } else { self.pending };
@@ -99,9 +99,7 @@ impl Query for Closest {
             let _ = self.take(&candidate, place);
         }
     }
-}
 
-impl OneHit for Closest {
     #[inline(always)]
     fn resume(ray: &Ray, place: &Place<'_>, found: Option<&Candidate>) -> Self {
         let mut query = Self::new(ray);

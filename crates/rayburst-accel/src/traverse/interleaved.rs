@@ -19,9 +19,10 @@ use rayburst_simd::{Isa, SLOT};
 
 use super::{
     answers::Answers,
+    bits::take_bit,
     count::Count,
     prepare::{PreparedRay, Span},
-    query::{Asker, Place, Query, test_leaf},
+    query::{Asker, OneHit, Place, Query, test_leaf},
 };
 use crate::{
     CandidateFilter, TraceOptions,
@@ -132,15 +133,6 @@ impl Sets {
         self.done |= done << slot;
         self.inner |= (1 ^ leaf ^ done) << slot;
     }
-}
-
-/// Takes the lowest bit out of a set. (Not an iterator or a closure: only what is sure to be inlined
-/// is compiled for a kernel's region.)
-#[inline(always)]
-fn take_bit(set: &mut u32) -> u32 {
-    let bit = set.trailing_zeros();
-    *set &= *set - 1;
-    bit
 }
 
 /// Traces the rays of a batch with these indices.
@@ -289,7 +281,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
     /// # Safety
     /// `slot` must hold a flight that was started and is in no set.
     #[inline(always)]
-    unsafe fn node<Q: Query, C: Count>(&self, slot: u32, sets: &mut Sets) {
+    unsafe fn node<Q: OneHit, C: Count>(&self, slot: u32, sets: &mut Sets) {
         // SAFETY: the caller's promise; only nodes are in the set of inner references. The stack
         // has room for a node's children on every level, and eight entries above and below.
         unsafe {
@@ -352,7 +344,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
     /// # Safety
     /// As for [`Pilot::node`].
     #[inline(always)]
-    unsafe fn advance<Q: Query, C: Count>(
+    unsafe fn advance<Q: OneHit, C: Count>(
         &self,
         slot: u32,
         base: *const u8,
@@ -379,7 +371,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
     /// # Safety
     /// As for [`Pilot::node`].
     #[inline(always)]
-    unsafe fn leaf<Q: Query, C: Count>(&self, slot: u32, sets: &mut Sets) {
+    unsafe fn leaf<Q: OneHit, C: Count>(&self, slot: u32, sets: &mut Sets) {
         // SAFETY: the caller's promise.
         unsafe {
             let flight = self.flight::<Q, C>(slot);
@@ -420,7 +412,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
     /// # Safety
     /// As for [`Pilot::node`].
     #[inline(always)]
-    unsafe fn enter<Q: Query, C: Count>(&self, slot: u32, instance: u32, sets: &mut Sets) {
+    unsafe fn enter<Q: OneHit, C: Count>(&self, slot: u32, instance: u32, sets: &mut Sets) {
         // SAFETY: the caller's promise; the stack has room for the marker.
         unsafe {
             let flight = self.flight::<Q, C>(slot);
@@ -450,7 +442,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
     /// # Safety
     /// As for [`Pilot::node`].
     #[inline(always)]
-    unsafe fn leave<Q: Query, C: Count>(&self, slot: u32, sets: &mut Sets) {
+    unsafe fn leave<Q: OneHit, C: Count>(&self, slot: u32, sets: &mut Sets) {
         // SAFETY: the caller's promise.
         unsafe {
             let flight = self.flight::<Q, C>(slot);
@@ -471,7 +463,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
     /// # Safety
     /// As for [`Pilot::node`].
     #[inline(always)]
-    unsafe fn resume<Q: Query, C: Count>(&self, slot: u32, sets: &mut Sets) {
+    unsafe fn resume<Q: OneHit, C: Count>(&self, slot: u32, sets: &mut Sets) {
         // SAFETY: the caller's promise.
         unsafe {
             let flight = self.flight::<Q, C>(slot);

@@ -4,6 +4,7 @@ pub(crate) mod all;
 pub(crate) mod answers;
 pub(crate) mod any;
 pub(crate) mod batch;
+pub(crate) mod bits;
 pub(crate) mod bundle;
 pub(crate) mod closest;
 pub(crate) mod count;

@@ -27,19 +27,17 @@ pub(crate) trait Query {
 
     /// Takes a candidate that passed the filter.
     fn take(&mut self, candidate: &Candidate, place: &Place<'_>) -> ControlFlow<()>;
+}
 
-    /// Whether one hit answers the query: any, or the nearest if it is ordered.
-    const ONE: bool;
-
+/// A query that one hit answers: any, or the nearest if it is ordered. It may note the hit and complete
+/// it later, and be left to another traversal half-way.
+pub(crate) trait OneHit: Query {
     /// Notes a hit, if it is one, that is better than all before.
     fn put_off(&mut self, hit: bool, pending: Pending) -> ControlFlow<()>;
 
     /// Completes the hit that was put off last, if any; where it was found, `span` ends at it.
     fn settle<I: Isa>(&mut self, isa: I, place: &Place<'_>, ray: &PreparedRay, span: &Span);
-}
 
-/// A query that wants one hit, and may be left to another traversal half-way.
-pub(crate) trait OneHit: Query {
     /// The query of a ray that has found this in `place` so far.
     fn resume(ray: &Ray, place: &Place<'_>, found: Option<&Candidate>) -> Self;
 
@@ -158,7 +156,7 @@ impl Pending {
 /// What a query wants is usually the nearest opaque hit or any one. That is found without a branch
 /// that depends on the ray: each costs more than the triangles do. The rest is [`test_each`]'s.
 #[inline(always)]
-pub(crate) fn test_leaf<I: Isa, Q: Query, F: CandidateFilter, C: Count>(
+pub(crate) fn test_leaf<I: Isa, Q: OneHit, F: CandidateFilter, C: Count>(
     isa: I,
     place: &Place<'_>,
     ray: &PreparedRay,
@@ -171,9 +169,6 @@ pub(crate) fn test_leaf<I: Isa, Q: Query, F: CandidateFilter, C: Count>(
     // SAFETY: values of a BLAS' leaves come from `TriangleLeaves::place`: a block is there.
     let block: &Triangles4 = unsafe { place.blas.tree.block(value) };
     count.leaf(block);
-    if !Q::ONE {
-        return test_each(isa, place, ray, block, asker, span, query);
-    }
     let nearest = isa.nearest4(block, &ray.shear, span.t_min, span.t_max, place.keep);
     let mut plain = !nearest.doubtful & (nearest.t != span.t_max);
     // Distances that the ray's units cannot express exactly.
@@ -219,25 +214,6 @@ pub(crate) fn settle_candidate<I: Isa>(
         triangle: TriangleId::of_lane(block, lane).triangle(),
         front: place.front(hits.front) >> lane & 1 != 0,
     }
-}
-
-/// [`test_leaf`] for one ray at a time: branches are predicted there, and what comes after a leaf
-/// that is missed need not wait for it.
-#[inline(always)]
-fn visit_leaf<I: Isa, Q: Query, F: CandidateFilter, C: Count>(
-    isa: I,
-    place: &Place<'_>,
-    ray: &PreparedRay,
-    value: u32,
-    asker: &Asker<'_, F>,
-    span: &mut Span,
-    query: &mut Q,
-    count: &mut C,
-) -> ControlFlow<()> {
-    // SAFETY: values of a BLAS' leaves come from `TriangleLeaves::place`: a block is there.
-    let block: &Triangles4 = unsafe { place.blas.tree.block(value) };
-    count.leaf(block);
-    test_each(isa, place, ray, block, asker, span, query)
 }
 
 /// Offers a query one by one the triangles of a block that a ray meets.
@@ -309,7 +285,8 @@ pub(crate) fn trace_blas<I: Isa, Q: Query, F: CandidateFilter, C: Count>(
     }
 }
 
-/// The leaves of a BLAS.
+/// The leaves of a BLAS for one ray at a time: [`test_each`] and not [`test_leaf`], since branches are
+/// predicted there, and what comes after a leaf that is missed need not wait for it.
 struct Blocks<'a, 'b, I, F, Q> {
     isa: I,
     place: &'a Place<'b>,
@@ -321,6 +298,9 @@ struct Blocks<'a, 'b, I, F, Q> {
 impl<I: Isa, F: CandidateFilter, Q: Query, C: Count> Leaves<C> for Blocks<'_, '_, I, F, Q> {
     #[inline(always)]
     fn visit(&mut self, value: u32, span: &mut Span, count: &mut C) -> ControlFlow<()> {
-        visit_leaf(self.isa, self.place, self.ray, value, self.asker, span, self.query, count)
+        // SAFETY: values of a BLAS' leaves come from `TriangleLeaves::place`: a block is there.
+        let block: &Triangles4 = unsafe { self.place.blas.tree.block(value) };
+        count.leaf(block);
+        test_each(self.isa, self.place, self.ray, block, self.asker, span, self.query)
     }
 }

@@ -12,5 +12,6 @@ mod oracle;
 mod oracle_tests;
 mod refit;
 mod rules;
+mod small;
 mod splits;
 mod watertight;

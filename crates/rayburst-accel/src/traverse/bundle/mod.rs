@@ -17,7 +17,7 @@ mod walk;
 use rayburst_math::Ray;
 use rayburst_simd::{GROUP, Isa, Rays16};
 
-use super::{answers::Answers, count::Count, prepare, query::Query};
+use super::{answers::Answers, bits::take_bit, count::Count, prepare, query::Query};
 use crate::{
     CandidateFilter,
     structure::{Structure, Tracer},
@@ -121,15 +121,14 @@ pub(crate) fn trace<'a, I: Isa, S: Structure, F: CandidateFilter, C: Count, A: A
         if key == UNABLE || size < FEWEST {
             for (g, mut lanes) in members.into_iter().enumerate() {
                 while lanes != 0 {
-                    others.push((first + g * GROUP) as u32 + lanes.trailing_zeros());
-                    lanes &= lanes - 1;
+                    others.push((first + g * GROUP) as u32 + take_bit(&mut lanes));
                 }
             }
             continue;
         }
         let chief = tracer.structure.local(&part[group * GROUP + leader]);
         let last = members.iter().rposition(|&lanes| lanes != 0).unwrap_or(0);
-        let other = last * GROUP + members[last].ilog2() as usize;
+        let other = last * GROUP + (31 - members[last].leading_zeros()) as usize % GROUP;
         let other = tracer.structure.local(&part[other]);
         let bounds = place.blas.bounds();
         let mut bundle =
@@ -142,8 +141,7 @@ pub(crate) fn trace<'a, I: Isa, S: Structure, F: CandidateFilter, C: Count, A: A
         let complete = pilot.traverse::<A::Query>(&mut bundle);
         for (g, mut lanes) in members.into_iter().enumerate() {
             while lanes != 0 {
-                let lane = lanes.trailing_zeros() as usize % GROUP;
-                lanes &= lanes - 1;
+                let lane = take_bit(&mut lanes) as usize % GROUP;
                 let index = first + g * GROUP + lane;
                 let looking = bundle.active[g] >> lane & 1 != 0;
                 let answered = if A::Query::ORDERED { complete } else { complete || !looking };

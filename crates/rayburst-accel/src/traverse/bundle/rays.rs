@@ -69,9 +69,22 @@ impl Bundle {
             smallest: prepare::SMALLEST_COMPONENT,
             waist: waist(axes.axes(), [chief, other], bounds),
         };
-        let mut groups = [Group16::NONE; GROUPS];
+        // In place: groups are large.
+        let mut bundle = Self {
+            axes,
+            frustum: Frustum::default(),
+            groups: [Group16::NONE; GROUPS],
+            active: members,
+            left: [0; GROUPS],
+            t_min: 0.0,
+            ends: [f32::NEG_INFINITY; GROUPS],
+            t_max: f32::NEG_INFINITY,
+            slack: 0.0,
+            smallest: f32::MIN_POSITIVE * unscale.max(1.0),
+            scale,
+        };
         let mut extent = Extent16::NONE;
-        for (g, group) in groups.iter_mut().enumerate() {
+        for (g, group) in bundle.groups.iter_mut().enumerate() {
             how.lanes = members[g];
             if how.lanes != 0 {
                 isa.prepare16(&rays[g], &how, &axes, group, &mut extent);
@@ -80,9 +93,9 @@ impl Bundle {
         let [start, shift] = isa.ends16(&[extent.t_min, extent.shift]);
         let mut points = [[how.waist; 2]; 3];
         for (k, axis) in axes.axes().into_iter().enumerate().take(2) {
-            points[axis] = isa.ends16(&extent.points[k]);
+            points[axis % 3] = isa.ends16(&extent.points[k]);
         }
-        let mut frustum = Frustum::default();
+        let frustum = &mut bundle.frustum;
         for axis in 0..3 {
             let [low, high] = points[axis];
             // Twice, for what is rounded here, and for the way to the waist, of at most twice the shift.
@@ -98,20 +111,8 @@ impl Bundle {
                 (low * scale).min(high * scale) - error * scale.abs() - 2.0 * f32::MIN_POSITIVE
             });
         }
-        let slack = 8.0 * f32::EPSILON * shift;
-        let mut bundle = Self {
-            axes,
-            frustum,
-            groups,
-            active: members,
-            left: [0; GROUPS],
-            t_min: start - slack - 4.0 * f32::EPSILON * start.abs(),
-            ends: [f32::NEG_INFINITY; GROUPS],
-            t_max: f32::NEG_INFINITY,
-            slack,
-            smallest: f32::MIN_POSITIVE * unscale.max(1.0),
-            scale,
-        };
+        bundle.slack = 8.0 * f32::EPSILON * shift;
+        bundle.t_min = start - bundle.slack - 4.0 * f32::EPSILON * start.abs();
         for g in 0..GROUPS {
             bundle.shorten(isa, g);
         }
@@ -163,7 +164,7 @@ fn origins<I: Isa>(
 ) -> [[f32; 2]; 3] {
     let mut origins = [[0.0; 2]; 3];
     for (axis, ends) in origins.iter_mut().enumerate() {
-        let spare = chief.origin[axis];
+        let spare = chief.origin.to_array()[axis];
         let mut both = [[spare; GROUP]; 2];
         let [low, high] = &mut both;
         for (rays, lanes) in rays.iter().zip(members) {
@@ -184,14 +185,20 @@ fn origins<I: Isa>(
 /// of their points there.
 #[inline(always)]
 fn waist([x, y, z]: [usize; 3], [a, b]: [&Ray; 2], bounds: &Aabb) -> f32 {
-    let slope = |ray: &Ray, axis: usize| ray.direction[axis] / ray.direction[z];
+    let [x, y, z] = [x % 3, y % 3, z % 3];
+    let slope = |ray: &Ray| {
+        let d = ray.direction.to_array();
+        [d[x] / d[z], d[y] / d[z]]
+    };
+    let (o, p) = (a.origin.to_array(), b.origin.to_array());
+    let ([ax, ay], [bx, by]) = (slope(a), slope(b));
     // How the rays differ at the first one's origin, and how that changes.
-    let back = a.origin[z] - b.origin[z];
-    let gap = [x, y].map(|axis| b.origin[axis] - a.origin[axis] + back * slope(b, axis));
-    let turn = [x, y].map(|axis| slope(b, axis) - slope(a, axis));
+    let back = o[z] - p[z];
+    let gap = [p[x] - o[x] + back * bx, p[y] - o[y] + back * by];
+    let turn = [bx - ax, by - ay];
     let way = -(gap[0] * turn[0] + gap[1] * turn[1]) / (turn[0] * turn[0] + turn[1] * turn[1]);
     let way = if way.is_finite() { way } else { 0.0 };
     // Not too far away: coordinates there should be as exact as those of the scene.
-    let (low, high) = (bounds.lower[z].min(a.origin[z]), bounds.upper[z].max(a.origin[z]));
-    (a.origin[z] + way).clamp(2.0 * low - high, 2.0 * high - low)
+    let (low, high) = (bounds.lower.to_array()[z].min(o[z]), bounds.upper.to_array()[z].max(o[z]));
+    (o[z] + way).max(2.0 * low - high).min(2.0 * high - low)
 }

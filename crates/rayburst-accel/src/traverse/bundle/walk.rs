@@ -7,6 +7,7 @@ use rayburst_simd::{GROUP, Isa, Kernel, Question16, Triangles4};
 
 use super::{
     super::{
+        bits::take_bit,
         count::Count,
         prepare::{PreparedRay, Span},
         query::{Asker, OneHit, Place, test_each},
@@ -197,8 +198,7 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
                 }
             }
             while doubtful != 0 {
-                let lane = doubtful.trailing_zeros() as usize % GROUP;
-                doubtful &= doubtful - 1;
+                let lane = take_bit(&mut doubtful) as usize % GROUP;
                 changed |= self.ask::<Q>(bundle, g, lane, block);
             }
             if changed {
@@ -226,8 +226,7 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
     #[inline(always)]
     fn count(&mut self, g: usize, mut lanes: u32, what: impl Fn(&mut C)) {
         while lanes != 0 {
-            what(&mut self.counts[self.first + g * GROUP + lanes.trailing_zeros() as usize]);
-            lanes &= lanes - 1;
+            what(&mut self.counts[self.first + g * GROUP + take_bit(&mut lanes) as usize]);
         }
     }
 
