@@ -34,8 +34,8 @@ pub(crate) fn instructions() -> Result<(), String> {
 /// `cargo xtask miri`: the small scenes of `rayburst-accel`'s tests, in plain Rust.
 pub(crate) fn miri() -> Result<(), String> {
     let test = "+nightly miri test -p rayburst-accel --test all -- small::";
-    // Files are read for the time only; rayon keeps its threads until the end.
-    let flags = "-Zmiri-disable-isolation -Zmiri-ignore-leaks -Zmiri-permissive-provenance";
+    // Crates below rayon do not follow stacked borrows; it keeps its threads until the end.
+    let flags = "-Zmiri-tree-borrows -Zmiri-disable-isolation -Zmiri-ignore-leaks -Zmiri-permissive-provenance";
     let mut command = Command::new("cargo");
     command.args(test.split(' ')).env("MIRIFLAGS", flags).env("RAYBURST_ISA", "scalar");
     finish(command, "Miri")

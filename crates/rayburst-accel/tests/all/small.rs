@@ -12,6 +12,10 @@ use rayburst_math::{Hit, Ray};
 
 use crate::meshes::{Mesh, Random, degenerate, ray_at, soup};
 
+/// Miri takes a thousand times as long.
+const TRIANGLES: usize = if cfg!(miri) { 12 } else { 40 };
+const RAYS: usize = if cfg!(miri) { 16 } else { 40 };
+
 /// Rays that hit and miss, go backwards and nowhere.
 fn rays(count: usize) -> Vec<Ray> {
     let mut random = Random::new(91);
@@ -58,14 +62,14 @@ macro_rules! check {
 
 /// A few triangles of every kind, some of which can never be hit.
 fn mesh() -> Mesh {
-    let mut mesh = soup(92, 40, 0.5).merged(&degenerate(93, 10));
+    let mut mesh = soup(92, TRIANGLES, 0.5).merged(&degenerate(93, 4));
     mesh.push([Vec3::NAN, Vec3::X, Vec3::Y]);
     mesh
 }
 
 #[test]
 fn every_build_traces_and_refits() {
-    let (mesh, rays) = (mesh(), rays(40));
+    let (mesh, rays) = (mesh(), rays(RAYS));
     for isa in IsaLevel::available() {
         for builder in Builder::ALL {
             let options = BuildOptions {
@@ -77,19 +81,22 @@ fn every_build_traces_and_refits() {
             let geometry = TriangleMesh { opaque: false, ..mesh.geometry() };
             let mut blas = Blas::build(&[geometry], &options).unwrap();
             blas.validate().unwrap();
-            assert!(check!(blas, &rays) > 10);
-            assert!(blas.triangle(0, 0).is_some() && blas.triangle(0, 50).is_none());
+            assert!(check!(blas, &rays) > 0);
+            assert!(
+                blas.triangle(0, 0).is_some()
+                    && blas.triangle(0, mesh.indices.len() as u32 - 1).is_none()
+            );
             let moved = mesh.clone().map(|p| p + 0.1 * Vec3::X);
             blas.refit(&[moved.geometry()]).unwrap();
             blas.validate().unwrap();
-            assert!(check!(blas, &rays) > 10);
+            assert!(check!(blas, &rays) > 0);
         }
     }
 }
 
 #[test]
 fn instances_trace() {
-    let (mesh, rays) = (mesh(), rays(30));
+    let (mesh, rays) = (mesh(), rays(RAYS));
     for isa in IsaLevel::available() {
         let blas = Arc::new(mesh.blas(isa));
         for count in [0, 1, 11] {
@@ -99,7 +106,7 @@ fn instances_trace() {
             let tlas = Tlas::build(vec![blas.clone()], &instances, &options).unwrap();
             tlas.validate().unwrap();
             let hits = check!(tlas, &rays);
-            assert_eq!(hits > 5, count > 0, "{hits} hits");
+            assert_eq!(hits > 0, count > 0, "{hits} hits");
         }
     }
 }

@@ -61,7 +61,8 @@ fn try_all(sample: &[u8], decode: impl Fn(&[u8]) -> bool) {
         refused += usize::from(!decode(&damage(sample, &mut rng)));
     }
     assert!(refused > VARIANTS / 8, "only {refused} of {VARIANTS} were refused");
-    let grown = peak_memory_kb() - before;
+    // The system counts in batches, so the figure may be a little less than before.
+    let grown = peak_memory_kb().saturating_sub(before);
     assert!(grown < MOST_MEMORY_KB, "memory grew by {grown} KiB");
 }
 
