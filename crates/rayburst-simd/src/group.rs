@@ -351,13 +351,14 @@ pub(crate) fn triangle16<const NEAREST: bool>(
         let v = ax * cy - ay * cx;
         let w = bx * ay - by * ax;
         let (least, greatest) = (u.min(v).min(w), u.max(v).max(w));
-        if least < 0.0 && greatest > 0.0 {
+        let signs = least * greatest;
+        if signs < 0.0 {
             continue;
         }
         let det = u + v + w;
         let size = det.abs();
         #[allow(clippy::manual_range_contains, reason = "lanes of NaN are not delicate")]
-        let delicate = (size < SMALL) | (size > LARGE) | (least == 0.0) | (greatest == 0.0);
+        let delicate = (size < SMALL) | (size > LARGE) | (signs == 0.0);
         let t = (u * az + v * bz + w * cz) / det;
         let within = t >= group.t_min[ray] && t <= group.t_max[ray];
         let kept = question.keep[usize::from(det <= 0.0)] != 0;

@@ -283,11 +283,12 @@ unsafe fn edges4<L: Lanes4>(block: &Triangles4, ray: &ShearRay) -> Edges<L> {
         let zero = L::splat(0.0);
         let least = L::min(L::min(u, v), w);
         let greatest = L::max(L::max(u, v), w);
-        let mixed = L::and(L::less(least, zero), L::less(zero, greatest));
+        let signs = L::mul(least, greatest);
+        let mixed = L::less(signs, zero);
         let det = L::add(L::add(u, v), w);
         let size = L::abs(det);
         let delicate = L::or(
-            L::or(L::equal(least, zero), L::equal(greatest, zero)),
+            L::equal(signs, zero),
             L::or(L::less(size, L::splat(SMALL)), L::less(L::splat(LARGE), size)),
         );
         Edges { v, w, det, scaled, mixed, exact: L::without(delicate, mixed) }

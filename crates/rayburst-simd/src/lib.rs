@@ -45,7 +45,7 @@ pub use neon::Neon;
 pub use scalar::Scalar;
 #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
 pub use simd128::Simd128;
-pub use triangles::{Nearest, ShearRay, TriangleHits, Triangles4};
+pub use triangles::{Nearest, ShearRay, TriangleHits, Triangles4, barycentric};
 
 #[cfg(test)]
 mod group_tests;

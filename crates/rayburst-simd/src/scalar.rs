@@ -59,14 +59,15 @@ impl Isa for Scalar {
             let v = ax * cy - ay * cx;
             let w = bx * ay - by * ax;
             let (least, greatest) = (u.min(v).min(w), u.max(v).max(w));
-            if least < 0.0 && greatest > 0.0 {
+            let signs = least * greatest;
+            if signs < 0.0 {
                 continue;
             }
             let det = u + v + w;
             let size = det.abs();
             #[allow(clippy::manual_range_contains, reason = "lanes of NaN are not delicate")]
             let delicate = (size < SMALL) | (size > LARGE);
-            if least == 0.0 || greatest == 0.0 || delicate {
+            if signs == 0.0 || delicate {
                 decide_exactly(block, ray, lane, t_min, t_max, &mut found);
                 continue;
             }

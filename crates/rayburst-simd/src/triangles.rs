@@ -8,7 +8,9 @@
 //! and so all instruction sets give the same bits.)
 //!
 //! Changed: `f64` also takes over where determinants come near the ends of `f32`'s range, and the
-//! distance is divided rather than multiplied by a reciprocal.
+//! distance is divided rather than multiplied by a reciprocal. Whether signs are mixed is seen in the
+//! product of the least and the greatest edge function, which is zero where one of them is, or where
+//! both are tiny: then `f64` decides too.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -131,6 +133,30 @@ pub(crate) fn sheared(
     let relative = |k: usize| vertex[ray.axes()[k]][lane] - ray.origin[k];
     let z = relative(2);
     (relative(0) - ray.shear[0] * z, relative(1) - ray.shear[1] * z, ray.shear[2] * z)
+}
+
+/// The barycentric coordinates of the second and the third corner where a ray meets the triangle of
+/// one lane, and whether that winds counter-clockwise seen from the origin.
+///
+/// Meaningful, and with the bits of [`crate::Isa::triangles4`], only if [`crate::Isa::nearest4`] found
+/// that the ray meets the triangle beyond doubt. One lane of a block is less work than four.
+#[inline(always)]
+pub fn barycentric(block: &Triangles4, ray: &ShearRay, lane: usize) -> (f32, f32, bool) {
+    let [x, y, z] = ray.axes();
+    let corner = |corner: usize| {
+        let vertex = &block.vertices[corner];
+        let depth = vertex[z][lane % 4] - ray.origin[2];
+        (
+            vertex[x][lane % 4] - ray.origin[0] - ray.shear[0] * depth,
+            vertex[y][lane % 4] - ray.origin[1] - ray.shear[1] * depth,
+        )
+    };
+    let ((ax, ay), (bx, by), (cx, cy)) = (corner(0), corner(1), corner(2));
+    let u = cx * by - cy * bx;
+    let v = ax * cy - ay * cx;
+    let w = bx * ay - by * ax;
+    let det = u + v + w;
+    (v / det, w / det, det > 0.0)
 }
 
 /// Decides one lane in `f64` from the same sheared corners, replacing what `hits` says of it.

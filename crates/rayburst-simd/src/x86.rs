@@ -83,13 +83,15 @@ pub(crate) unsafe fn edges4(block: &Triangles4, ray: &ShearRay) -> [__m128; 4] {
             // `ShearRay` holds starts of three rows; each row of four lanes starts at a
             // multiple of 16 bytes of a structure of alignment 32.
             let row = _mm_load_ps(block.vertices.as_ptr().add(corner).byte_add(rows[k]).cast());
-            _mm_sub_ps(row, _mm_set1_ps(origin[k]))
+            // From the vertex to the origin, not the other way: the load becomes an operand. All
+            // signs turn, so products keep theirs.
+            _mm_sub_ps(_mm_set1_ps(origin[k]), row)
         };
         let sheared = |corner: usize| {
             let z = relative(corner, 2);
             let x = _mm_sub_ps(relative(corner, 0), _mm_mul_ps(_mm_set1_ps(shear[0]), z));
             let y = _mm_sub_ps(relative(corner, 1), _mm_mul_ps(_mm_set1_ps(shear[1]), z));
-            (x, y, _mm_mul_ps(_mm_set1_ps(shear[2]), z))
+            (x, y, _mm_mul_ps(_mm_set1_ps(-shear[2]), z))
         };
         let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (sheared(0), sheared(1), sheared(2));
         let u = _mm_sub_ps(_mm_mul_ps(cx, by), _mm_mul_ps(cy, bx));
@@ -113,11 +115,12 @@ pub(crate) unsafe fn decide4([u, v, w, _]: [__m128; 4]) -> (__m128, __m128, __m1
         let zero = _mm_setzero_ps();
         let least = _mm_min_ps(_mm_min_ps(u, v), w);
         let greatest = _mm_max_ps(_mm_max_ps(u, v), w);
-        let mixed = _mm_and_ps(_mm_cmplt_ps(least, zero), _mm_cmpgt_ps(greatest, zero));
+        let signs = _mm_mul_ps(least, greatest);
+        let mixed = _mm_cmplt_ps(signs, zero);
         let det = _mm_add_ps(_mm_add_ps(u, v), w);
         let size = _mm_andnot_ps(_mm_set1_ps(-0.0), det);
         let delicate = _mm_or_ps(
-            _mm_or_ps(_mm_cmpeq_ps(least, zero), _mm_cmpeq_ps(greatest, zero)),
+            _mm_cmpeq_ps(signs, zero),
             _mm_or_ps(
                 _mm_cmplt_ps(size, _mm_set1_ps(SMALL)),
                 _mm_cmpgt_ps(size, _mm_set1_ps(LARGE)),

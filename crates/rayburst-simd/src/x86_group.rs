@@ -295,17 +295,14 @@ pub(crate) unsafe fn triangle16<L: Lanes, const NEAREST: bool>(
             let w = bx.mul(ay).sub(by.mul(ax));
             let zero = L::splat(0.0);
             let (least, greatest) = (u.min(v).min(w), u.max(v).max(w));
-            let mixed = least.lt(zero) & zero.lt(greatest);
-            let alive = active & !mixed;
+            let signs = least.mul(greatest);
+            let alive = active & !signs.lt(zero);
             if alive == 0 {
                 (0, 0)
             } else {
                 let det = u.add(v).add(w);
                 let size = det.abs();
-                let delicate = least.eq(zero)
-                    | greatest.eq(zero)
-                    | size.lt(L::splat(SMALL))
-                    | L::splat(LARGE).lt(size);
+                let delicate = signs.eq(zero) | size.lt(L::splat(SMALL)) | L::splat(LARGE).lt(size);
                 let scale = row(&group.shear[2]);
                 let (az, bz, cz) = (scale.mul(az), scale.mul(bz), scale.mul(cz));
                 let t = u.mul(az).add(v.mul(bz)).add(w.mul(cz)).div(det);

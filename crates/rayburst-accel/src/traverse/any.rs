@@ -3,7 +3,6 @@
 use std::ops::ControlFlow;
 
 use rayburst_math::Ray;
-use rayburst_simd::Isa;
 
 use super::{
     prepare::{PreparedRay, Span},
@@ -11,6 +10,7 @@ use super::{
 };
 
 /// Whether something was hit.
+#[derive(Clone, Copy)]
 pub(crate) struct Any {
     t_max: f32,
     pub(crate) found: bool,
@@ -51,7 +51,7 @@ impl OneHit for Any {
     }
 
     #[inline(always)]
-    fn settle<I: Isa>(&mut self, _: I, _: &Place<'_>, _: &PreparedRay, _: &Span) {}
+    fn settle(&mut self, _: &Place<'_>, _: &PreparedRay, _: &Span) {}
 
     #[inline(always)]
     fn resume(ray: &Ray, _: &Place<'_>, found: Option<&Candidate>) -> Self {

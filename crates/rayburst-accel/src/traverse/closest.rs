@@ -3,7 +3,6 @@
 use std::ops::ControlFlow;
 
 use rayburst_math::{Hit, HitKind, Ray};
-use rayburst_simd::Isa;
 
 use super::{
     prepare::{PreparedRay, Span},
@@ -11,6 +10,7 @@ use super::{
 };
 
 /// The best candidate so far.
+#[derive(Clone, Copy)]
 pub(crate) struct Closest {
     t: f32,
     u: f32,
@@ -92,9 +92,9 @@ impl OneHit for Closest {
     }
 
     #[inline(always)]
-    fn settle<I: Isa>(&mut self, isa: I, place: &Place<'_>, ray: &PreparedRay, span: &Span) {
+    fn settle(&mut self, place: &Place<'_>, ray: &PreparedRay, span: &Span) {
         if self.pending != Pending::NONE {
-            let candidate = settle_candidate(isa, place, ray, self.pending, span.t_max);
+            let candidate = settle_candidate(place, ray, self.pending, span.t_max);
             // Never breaks.
             let _ = self.take(&candidate, place);
         }

@@ -181,14 +181,17 @@ pub(crate) fn trace<'a, I: Isa, S: Structure, F: CandidateFilter, C: Count, A: A
             // SAFETY: as above.
             unsafe {
                 let flight = &mut *pilot.flight::<A::Query, C>(slot);
+                // In registers: parts of it would be read before they have arrived in memory.
+                let mut query = flight.query;
                 if let Some(place) = &flight.place {
-                    flight.query.settle(pilot.isa, place, &flight.ray, &flight.span);
+                    query.settle(place, &flight.ray, &flight.span);
                 }
-                if S::TWO_LEVEL && flight.place.is_some() && !A::is_final(&flight.query) {
+                if S::TWO_LEVEL && flight.place.is_some() && !A::is_final(&query) {
+                    flight.query = query;
                     pilot.leave::<A::Query, C>(slot, &mut sets);
                 } else {
                     counts[flight.index as usize] = flight.count;
-                    answers.end(structure, flight.index as usize, &flight.query);
+                    answers.end(structure, flight.index as usize, &query);
                     pilot.start(slot, &mut next, tracer, counts, answers, &mut sets);
                 }
             }

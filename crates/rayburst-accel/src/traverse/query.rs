@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use rayburst_math::{Hit, HitKind, Ray};
-use rayburst_simd::{Isa, TriangleHits, Triangles4};
+use rayburst_simd::{Isa, TriangleHits, Triangles4, barycentric};
 
 use super::{
     count::Count,
@@ -31,12 +31,12 @@ pub(crate) trait Query {
 
 /// A query that one hit answers: any, or the nearest if it is ordered. It may note the hit and complete
 /// it later, and be left to another traversal half-way.
-pub(crate) trait OneHit: Query {
+pub(crate) trait OneHit: Query + Copy {
     /// Notes a hit, if it is one, that is better than all before.
     fn put_off(&mut self, hit: bool, pending: Pending) -> ControlFlow<()>;
 
     /// Completes the hit that was put off last, if any; where it was found, `span` ends at it.
-    fn settle<I: Isa>(&mut self, isa: I, place: &Place<'_>, ray: &PreparedRay, span: &Span);
+    fn settle(&mut self, place: &Place<'_>, ray: &PreparedRay, span: &Span);
 
     /// The query of a ray that has found this in `place` so far.
     fn resume(ray: &Ray, place: &Place<'_>, found: Option<&Candidate>) -> Self;
@@ -177,12 +177,14 @@ pub(crate) fn test_leaf<I: Isa, Q: OneHit, F: CandidateFilter, C: Count>(
         plain &= nearest.mask & place.translucent(block) == 0;
     }
     if !plain {
-        query.settle(isa, place, ray, span);
+        query.settle(place, ray, span);
         return test_each(isa, place, ray, block, asker, span, query);
     }
     let hit = nearest.mask != 0;
     if Q::ORDERED {
-        span.t_max = if hit { without_sign_of_zero(nearest.t) } else { span.t_max };
+        // Infinite without a hit, nearer with one: a minimum instead of a branch.
+        let nearer = without_sign_of_zero(nearest.t);
+        span.t_max = if nearer < span.t_max { nearer } else { span.t_max };
     }
     query.put_off(hit, Pending::new(value, nearest.lane))
 }
@@ -195,8 +197,7 @@ fn without_sign_of_zero(t: f32) -> f32 {
 
 /// The candidate that is pending in `place`; `t` is its internal distance.
 #[inline(always)]
-pub(crate) fn settle_candidate<I: Isa>(
-    isa: I,
+pub(crate) fn settle_candidate(
     place: &Place<'_>,
     ray: &PreparedRay,
     pending: Pending,
@@ -205,14 +206,13 @@ pub(crate) fn settle_candidate<I: Isa>(
     let (value, lane) = ((pending.0 >> 2) as u32, pending.0 as usize % 4);
     // SAFETY: the value is one that `test_leaf` had.
     let block: &Triangles4 = unsafe { place.blas.tree.block(value) };
-    let mut hits = TriangleHits::NONE;
-    isa.triangles4(block, &ray.shear, t, t, &mut hits);
+    let (u, v, counter_clockwise) = barycentric(block, &ray.shear, lane);
     Candidate {
         t: ray.external(t),
-        u: hits.u[lane],
-        v: hits.v[lane],
+        u,
+        v,
         triangle: TriangleId::of_lane(block, lane).triangle(),
-        front: place.front(hits.front) >> lane & 1 != 0,
+        front: place.front(u32::from(counter_clockwise)) & 1 != 0,
     }
 }
 
