@@ -34,7 +34,7 @@ pub use blas::Blas;
 pub use control::BuildControl;
 pub use error::BuildError;
 pub use geometry::{Instance, InstanceFlags, MAX_COORDINATE, TriangleMesh};
-pub use options::{BuildOptions, BuildQuality, BuildStats, Builder, Curve};
+pub use options::{BuildOptions, BuildQuality, BuildStats, Builder, Curve, Layout};
 pub use query::{
     AcceptAll, AllHits, CandidateFilter, Counters, Cull, FilterFn, TraceMode, TraceOptions,
 };

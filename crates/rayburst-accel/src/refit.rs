@@ -55,6 +55,9 @@ impl Blas {
     /// another refit brings it back. One that could not be hit when the structure was *built* is not
     /// in it, so it is an error, after which the structure is as before, if it can be hit now.
     pub fn refit(&mut self, geometries: &[TriangleMesh<'_>]) -> Result<RefitReport, BuildError> {
+        if self.tree.is_compressed() {
+            return Err(BuildError::CompressedRefit);
+        }
         self.check_topology(geometries)?;
         let count = self.geometry_count();
         let (tree, starts, _) = self.parts();

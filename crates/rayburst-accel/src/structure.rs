@@ -7,6 +7,7 @@ use rayburst_simd::{Isa, IsaLevel, Kernel};
 
 use crate::{
     AllHits, Blas, CandidateFilter, Counters, Tlas, TraceMode, TraceOptions,
+    layout::view::TreeView,
     traverse::{
         all::All,
         answers::{Answers, AnyHits, ClosestHits},
@@ -75,8 +76,8 @@ pub(crate) trait Structure {
         *ray
     }
 
-    /// The start of the root's tree.
-    fn root_memory(&self) -> *const u8;
+    /// The root's tree.
+    fn root_view(&self) -> TreeView;
 
     /// A ray prepared for an instance, and the instance. `None` if the ray hits nothing there, or if
     /// there are no instances.

@@ -3,8 +3,8 @@
 use std::arch::x86_64::*;
 
 use crate::{
-    Boxes8, Isa, Kernel, Nearest, ShearRay, SlabRay, TriangleHits, Triangles4, isa::SLOT, x86,
-    x86_group::group_methods, x86_lanes::F8,
+    Boxes8, Isa, Kernel, LEAF_WORDS, Nearest, QuantizedNode8, ShearRay, SlabRay, TriangleHits,
+    Triangles4, isa::SLOT, x86, x86_group::group_methods, x86_lanes::F8,
 };
 
 /// Proof that the CPU has AVX2, FMA, BMI1, BMI2, F16C, LZCNT and POPCNT.
@@ -108,6 +108,18 @@ impl Isa for Avx2 {
     ) -> Nearest {
         // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
         unsafe { x86::nearest4(block, ray, t_min, t_max, keep) }
+    }
+
+    #[inline(always)]
+    fn expand8(self, node: &QuantizedNode8) -> (Boxes8, [u32; 8]) {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { x86::expand8(node) }
+    }
+
+    #[inline(always)]
+    fn expand4(self, leaf: &[u32; LEAF_WORDS], count: usize, unused: u32) -> Triangles4 {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { x86::expand4(leaf, count, unused) }
     }
 
     group_methods!(F8);

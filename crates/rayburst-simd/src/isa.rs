@@ -1,8 +1,9 @@
 //! The token of an instruction set and the kernels that run under it.
 
 use crate::{
-    Boxes8, Extent16, Frustum, Group16, GroupAxes, Nearest, Preparation16, Question16, Rays16,
-    Row16, ShearRay, SlabRay, TriangleHits, Triangles4, group,
+    Boxes8, Extent16, Frustum, Group16, GroupAxes, LEAF_WORDS, Nearest, Preparation16,
+    QuantizedNode8, Question16, Rays16, Row16, ShearRay, SlabRay, TriangleHits, Triangles4,
+    compressed, group,
 };
 
 /// A proof that the running CPU has an instruction set: tokens other than [`crate::Scalar`] are only
@@ -124,6 +125,21 @@ pub trait Isa: Copy + Send + Sync + std::fmt::Debug + 'static {
             }
         }
         nearest
+    }
+
+    /// The boxes of a compressed node, and its children's words. The box of a slot without a child is
+    /// empty along x.
+    #[inline(always)]
+    fn expand8(self, node: &QuantizedNode8) -> (Boxes8, [u32; 8]) {
+        compressed::expand8(node)
+    }
+
+    /// The triangles of a compressed leaf of `count` triangles, one to four: ten rows of `count`
+    /// words, nine of coordinates as in [`Triangles4`] and one of ids. Lanes without a triangle get
+    /// NaN, and `unused` for an id.
+    #[inline(always)]
+    fn expand4(self, leaf: &[u32; LEAF_WORDS], count: usize, unused: u32) -> Triangles4 {
+        compressed::expand4(leaf, count, unused)
     }
 
     /// Puts sixteen rays side by side, each given as origin, `t_min`, direction, `t_max`.

@@ -7,6 +7,7 @@
 //! the bits of [`Scalar`], unless its documentation says otherwise.
 
 mod boxes;
+mod compressed;
 mod group;
 mod isa;
 mod level;
@@ -35,6 +36,7 @@ pub use avx2::Avx2;
 #[cfg(target_arch = "x86_64")]
 pub use avx512::Avx512;
 pub use boxes::{Boxes8, SlabRay};
+pub use compressed::{LEAF_WORDS, QuantizedNode8, UNIT_WORDS};
 pub use group::{
     Extent16, Frustum, GROUP, Group16, GroupAxes, Preparation16, Question16, Rays16, Row16,
 };

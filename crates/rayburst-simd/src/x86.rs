@@ -8,7 +8,7 @@
 use std::arch::x86_64::*;
 
 use crate::{
-    Boxes8, Nearest, ShearRay, SlabRay, TriangleHits, Triangles4,
+    Boxes8, LEAF_WORDS, Nearest, QuantizedNode8, ShearRay, SlabRay, TriangleHits, Triangles4,
     triangles::{LARGE, SMALL, decide_exactly},
 };
 
@@ -83,15 +83,13 @@ pub(crate) unsafe fn edges4(block: &Triangles4, ray: &ShearRay) -> [__m128; 4] {
             // `ShearRay` holds starts of three rows; each row of four lanes starts at a
             // multiple of 16 bytes of a structure of alignment 32.
             let row = _mm_load_ps(block.vertices.as_ptr().add(corner).byte_add(rows[k]).cast());
-            // From the vertex to the origin, not the other way: the load becomes an operand. All
-            // signs turn, so products keep theirs.
-            _mm_sub_ps(_mm_set1_ps(origin[k]), row)
+            _mm_sub_ps(row, _mm_set1_ps(origin[k]))
         };
         let sheared = |corner: usize| {
             let z = relative(corner, 2);
             let x = _mm_sub_ps(relative(corner, 0), _mm_mul_ps(_mm_set1_ps(shear[0]), z));
             let y = _mm_sub_ps(relative(corner, 1), _mm_mul_ps(_mm_set1_ps(shear[1]), z));
-            (x, y, _mm_mul_ps(_mm_set1_ps(-shear[2]), z))
+            (x, y, _mm_mul_ps(_mm_set1_ps(shear[2]), z))
         };
         let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (sheared(0), sheared(1), sheared(2));
         let u = _mm_sub_ps(_mm_mul_ps(cx, by), _mm_mul_ps(cy, bx));
@@ -213,5 +211,68 @@ pub(crate) unsafe fn nearest4(
             mask,
             doubtful: exact | (nearest & nearest.wrapping_sub(1)) != 0,
         }
+    }
+}
+
+/// [`crate::Isa::expand8`].
+///
+/// # Safety
+/// The CPU must have AVX2 and FMA.
+#[inline(always)]
+pub(crate) unsafe fn expand8(node: &QuantizedNode8) -> (Boxes8, [u32; 8]) {
+    // SAFETY: the caller's promise; rows are of eight bytes, and arrays have eight lanes.
+    unsafe {
+        let wide = |row: &[u8; 8]| _mm256_cvtepu8_epi32(_mm_loadl_epi64(row.as_ptr().cast()));
+        let row = |row: usize, axis: usize| {
+            let steps = _mm256_cvtepi32_ps(wide(&node.planes[row]));
+            let (step, origin) = (_mm256_set1_ps(node.step(axis)), node.origin[axis]);
+            _mm256_fmadd_ps(steps, step, _mm256_set1_ps(origin))
+        };
+        let children = wide(&node.children);
+        let none = _mm256_set1_epi32(i32::from(QuantizedNode8::NO_CHILD));
+        let empty = _mm256_castsi256_ps(_mm256_cmpeq_epi32(children, none));
+        let (beyond, before) = (_mm256_set1_ps(f32::INFINITY), _mm256_set1_ps(f32::NEG_INFINITY));
+        let mut boxes = Boxes8::EMPTY;
+        let mut put = |row: usize, x: __m256| {
+            _mm256_store_ps(boxes.planes[row].as_mut_ptr(), x);
+        };
+        put(0, _mm256_blendv_ps(row(0, 0), beyond, empty));
+        put(1, _mm256_blendv_ps(row(1, 0), before, empty));
+        put(2, row(2, 1));
+        put(3, row(3, 1));
+        put(4, row(4, 2));
+        put(5, row(5, 2));
+        let mut words = [0; 8];
+        let base = _mm256_set1_epi32(node.base as i32);
+        _mm256_storeu_si256(words.as_mut_ptr().cast(), _mm256_add_epi32(base, children));
+        (boxes, words)
+    }
+}
+
+/// [`crate::Isa::expand4`].
+///
+/// # Safety
+/// The CPU must have AVX2 and FMA.
+#[inline(always)]
+pub(crate) unsafe fn expand4(leaf: &[u32; LEAF_WORDS], count: usize, unused: u32) -> Triangles4 {
+    // SAFETY: the caller's promise; the last row starts at word `9 · count`, at most 36, and four
+    // words from there are in the leaf. The arrays have four lanes.
+    unsafe {
+        let count = if count < 4 { count } else { 4 };
+        let lanes = _mm_setr_epi32(0, 1, 2, 3);
+        let used = _mm_cmpgt_epi32(_mm_set1_epi32(count as i32), lanes);
+        let row = |row: usize| _mm_loadu_si128(leaf.as_ptr().add(row * count).cast());
+        let mut block = Triangles4 { vertices: [[[0.0; 4]; 3]; 3], ids: [0; 4] };
+        let rows: *mut [f32; 4] = block.vertices.as_mut_ptr().cast();
+        let mut i = 0;
+        while i < 9 {
+            // Unused lanes become the NaN of all bits.
+            let vertices = _mm_or_si128(row(i), _mm_andnot_si128(used, _mm_set1_epi32(-1)));
+            _mm_store_si128(rows.add(i).cast(), vertices);
+            i += 1;
+        }
+        let ids = _mm_blendv_epi8(_mm_set1_epi32(unused as i32), row(9), used);
+        _mm_storeu_si128(block.ids.as_mut_ptr().cast(), ids);
+        block
     }
 }

@@ -28,7 +28,8 @@ use crate::{
     CandidateFilter, TraceOptions,
     layout::{
         arena::Line,
-        bvh8::{Node8, Reference},
+        bvh8::Reference,
+        view::{NodeRoom, TreeView},
     },
     structure::{Structure, Tracer},
 };
@@ -56,8 +57,8 @@ struct Flight<'a, Q, C> {
     current: Reference,
     top: u32,
     index: u32,
-    /// The memory of the tree that `current` leads into.
-    base: *const u8,
+    /// The tree that `current` leads into.
+    tree: TreeView,
     query: Q,
     /// Where the ray is; nowhere while it is among instances.
     place: Option<Place<'a>>,
@@ -154,7 +155,7 @@ pub(crate) fn trace<'a, I: Isa, S: Structure, F: CandidateFilter, C: Count, A: A
         rays,
         order,
         entries: hangar.entries,
-        base: structure.root_memory(),
+        tree: structure.root_view(),
         memory: hangar.lines.as_mut_ptr(),
         stride: hangar.stride,
     };
@@ -211,7 +212,7 @@ struct Pilot<'a, 'b, I, S, F> {
     rays: &'a [Ray],
     order: &'b [u32],
     entries: usize,
-    base: *const u8,
+    tree: TreeView,
     memory: *mut Line,
     stride: usize,
 }
@@ -259,7 +260,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
                             current: Reference::ROOT,
                             top: BOTTOM as u32,
                             index: index as u32,
-                            base: self.structure.root_memory(),
+                            tree: self.structure.root_view(),
                             query,
                             place,
                             count,
@@ -291,14 +292,16 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
             let flight = self.flight::<Q, C>(slot);
             let f = &mut *flight;
             f.count.node();
-            let base = if S::TWO_LEVEL { f.base } else { self.base };
-            let node = &*base.add(f.current.value() as usize * 32).cast::<Node8>();
+            let tree = if S::TWO_LEVEL { f.tree } else { self.tree };
+            let mut room = NodeRoom::new();
+            let (boxes, words) = tree.node(self.isa, f.current, &mut room);
+            let references_of: &[Reference; 8] = bytemuck::cast_ref(words);
             let top = f.top as usize;
             let keys = keys(flight);
             let references = keys.add(self.entries);
             let (t_min, t_max) = (f.span.t_min, f.span.t_max);
             let found = &mut *references.add(top).cast::<[u32; 8]>();
-            let children = (&node.boxes, node.child_words());
+            let children = (boxes, words);
             let (place, next);
             if Q::ORDERED {
                 let sorted = &mut *keys.add(top).cast::<[u32; 8]>();
@@ -312,16 +315,16 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
                 }
                 place = if count != 0 { top + count - 1 } else { popped };
                 let waiting = *references.add(popped).cast::<Reference>();
-                let child = *node.children.get_unchecked(nearest as usize);
+                let child = *references_of.get_unchecked(nearest as usize);
                 next = if count != 0 { child } else { waiting };
             } else {
                 let (count, first) = self.isa.met8(children, &f.ray.slab, t_min, t_max, found);
                 place = top.wrapping_add(count).wrapping_sub(1);
                 let waiting = *references.add(top - 1).cast::<Reference>();
-                let child = *node.children.get_unchecked(first as usize);
+                let child = *references_of.get_unchecked(first as usize);
                 next = if count != 0 { child } else { waiting };
             }
-            self.advance::<Q, C>(slot, base, place, next, sets);
+            self.advance::<Q, C>(slot, tree, place, next, sets);
         }
     }
 
@@ -350,7 +353,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
     unsafe fn advance<Q: OneHit, C: Count>(
         &self,
         slot: u32,
-        base: *const u8,
+        tree: TreeView,
         place: usize,
         next: Reference,
         sets: &mut Sets,
@@ -361,11 +364,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
             (*flight).current = next;
             (*flight).top = place as u32;
         }
-        let address = base.wrapping_add(next.value() as usize * 32);
-        self.isa.prefetch(address);
-        self.isa.prefetch(address.wrapping_add(64));
-        self.isa.prefetch(address.wrapping_add(128));
-        self.isa.prefetch(address.wrapping_add(192));
+        tree.prefetch(self.isa, next);
         sets.sort_in(slot, next);
     }
 
@@ -397,7 +396,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
                 &mut f.count,
             );
             let top = f.top as usize;
-            let base = if S::TWO_LEVEL { f.base } else { self.base };
+            let tree = if S::TWO_LEVEL { f.tree } else { self.tree };
             let place = if ended == ControlFlow::Break(()) {
                 BOTTOM - 1
             } else if Q::ORDERED {
@@ -406,7 +405,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
                 top - 1
             };
             let next = *keys(flight).add(self.entries + place).cast::<Reference>();
-            self.advance::<Q, C>(slot, base, place, next, sets);
+            self.advance::<Q, C>(slot, tree, place, next, sets);
         }
     }
 
@@ -426,7 +425,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
                 f.count.instance();
                 f.span = prepared.span(ray.t_min, f.query.t_max());
                 f.ray = prepared;
-                f.base = place.blas.tree.address(0);
+                f.tree = place.blas.tree.view();
                 f.place = Some(place);
                 f.current = Reference::ROOT;
                 let top = f.top as usize;
@@ -455,7 +454,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
                 f.span = prepared.span(ray.t_min, f.query.t_max());
                 f.ray = prepared;
                 f.place = place;
-                f.base = self.structure.root_memory();
+                f.tree = self.structure.root_view();
             }
             self.resume::<Q, C>(slot, sets);
         }
@@ -473,7 +472,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
             let (top, t_max) = ((*flight).top as usize, (*flight).span.t_max);
             let place = if Q::ORDERED { self.pop(keys(flight), top, t_max) } else { top - 1 };
             let next = *keys(flight).add(self.entries + place).cast::<Reference>();
-            self.advance::<Q, C>(slot, (*flight).base, place, next, sets);
+            self.advance::<Q, C>(slot, (*flight).tree, place, next, sets);
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use rayburst_math::{Hit, HitKind, Ray};
-use rayburst_simd::{Isa, TriangleHits, Triangles4, barycentric};
+use rayburst_simd::{Isa, Scalar, TriangleHits, Triangles4, barycentric};
 
 use super::{
     count::Count,
@@ -11,7 +11,8 @@ use super::{
     walk::{Leaves, Stack, walk},
 };
 use crate::{
-    Blas, CandidateFilter, Cull, InstanceFlags, TraceOptions, layout::triangles::TriangleId,
+    Blas, CandidateFilter, Cull, InstanceFlags, TraceOptions,
+    layout::{triangles::TriangleId, view::BlockRoom},
 };
 
 /// A query, asked whether it wants the triangles that a ray meets.
@@ -166,8 +167,9 @@ pub(crate) fn test_leaf<I: Isa, Q: OneHit, F: CandidateFilter, C: Count>(
     query: &mut Q,
     count: &mut C,
 ) -> ControlFlow<()> {
-    // SAFETY: values of a BLAS' leaves come from `TriangleLeaves::place`: a block is there.
-    let block: &Triangles4 = unsafe { place.blas.tree.block(value) };
+    let mut room = BlockRoom::new();
+    // SAFETY: values of a BLAS' leaves come from writers of its tree.
+    let block = unsafe { place.blas.tree.view().block(isa, value, &mut room) };
     count.leaf(block);
     let nearest = isa.nearest4(block, &ray.shear, span.t_min, span.t_max, place.keep);
     let mut plain = !nearest.doubtful & (nearest.t != span.t_max);
@@ -204,8 +206,9 @@ pub(crate) fn settle_candidate(
     t: f32,
 ) -> Candidate {
     let (value, lane) = ((pending.0 >> 2) as u32, pending.0 as usize % 4);
+    let mut room = BlockRoom::new();
     // SAFETY: the value is one that `test_leaf` had.
-    let block: &Triangles4 = unsafe { place.blas.tree.block(value) };
+    let block = unsafe { place.blas.tree.view().block(Scalar, value, &mut room) };
     let (u, v, counter_clockwise) = barycentric(block, &ray.shear, lane);
     Candidate {
         t: ray.external(t),
@@ -276,12 +279,15 @@ pub(crate) fn trace_blas<I: Isa, Q: Query, F: CandidateFilter, C: Count>(
     count: &mut C,
 ) -> ControlFlow<()> {
     let mut span = ray.span(asker.ray.t_min, query.t_max());
-    let tree = &place.blas.tree;
+    let tree = place.blas.tree.view();
     let mut leaves = Blocks { isa, place, ray, asker, query };
-    if Q::ORDERED {
-        walk::<I, C, true>(isa, tree, &ray.slab, &mut span, stack, count, &mut leaves)
-    } else {
-        walk::<I, C, false>(isa, tree, &ray.slab, &mut span, stack, count, &mut leaves)
+    // SAFETY: the place borrows the BLAS, which owns the tree.
+    unsafe {
+        if Q::ORDERED {
+            walk::<I, C, true>(isa, tree, &ray.slab, &mut span, stack, count, &mut leaves)
+        } else {
+            walk::<I, C, false>(isa, tree, &ray.slab, &mut span, stack, count, &mut leaves)
+        }
     }
 }
 
@@ -298,8 +304,9 @@ struct Blocks<'a, 'b, I, F, Q> {
 impl<I: Isa, F: CandidateFilter, Q: Query, C: Count> Leaves<C> for Blocks<'_, '_, I, F, Q> {
     #[inline(always)]
     fn visit(&mut self, value: u32, span: &mut Span, count: &mut C) -> ControlFlow<()> {
-        // SAFETY: values of a BLAS' leaves come from `TriangleLeaves::place`: a block is there.
-        let block: &Triangles4 = unsafe { self.place.blas.tree.block(value) };
+        let (mut room, tree) = (BlockRoom::new(), self.place.blas.tree.view());
+        // SAFETY: values of a BLAS' leaves come from writers of its tree.
+        let block = unsafe { tree.block(self.isa, value, &mut room) };
         count.leaf(block);
         test_each(self.isa, self.place, self.ray, block, self.asker, span, self.query)
     }

@@ -11,7 +11,10 @@ use rayburst_simd::{Isa, SlabRay};
 use super::{count::Count, prepare::Span};
 use crate::{
     build::binned_sah::MAX_DEPTH,
-    layout::bvh8::{Bvh8, Node8, Reference},
+    layout::{
+        bvh8::Reference,
+        view::{NodeRoom, TreeView},
+    },
 };
 
 /// Seven siblings a level, the bottom and one to spare, as a power of two.
@@ -118,29 +121,34 @@ fn first(mask: u32) -> usize {
 
 /// A met child, whose memory is asked for.
 #[inline(always)]
-fn take<I: Isa>(isa: I, tree: &Bvh8, node: &Node8, distances: &[f32; 8], slot: usize) -> Entry {
-    let child = node.children[slot];
-    let address = tree.address(child.value());
-    isa.prefetch(address);
-    isa.prefetch(address.wrapping_add(64));
-    isa.prefetch(address.wrapping_add(128));
-    isa.prefetch(address.wrapping_add(192));
+fn take<I: Isa>(
+    isa: I,
+    tree: TreeView,
+    children: &[Reference; 8],
+    distances: &[f32; 8],
+    slot: usize,
+) -> Entry {
+    let child = children[slot];
+    tree.prefetch(isa, child);
     Entry { key: key(distances[slot]), child }
 }
 
 /// Visits the leaves whose boxes a ray may meet within `span`, which `leaves` may shorten;
 /// nearest first if `ORDERED`. Stops when they break.
+///
+/// # Safety
+/// The tree must live until the walk is over.
 #[inline(always)]
-pub(crate) fn walk<I: Isa, C: Count, const ORDERED: bool>(
+pub(crate) unsafe fn walk<I: Isa, C: Count, const ORDERED: bool>(
     isa: I,
-    tree: &Bvh8,
+    tree: TreeView,
     ray: &SlabRay,
     span: &mut Span,
     stack: &mut Stack,
     count: &mut C,
     leaves: &mut impl Leaves<C>,
 ) -> ControlFlow<()> {
-    let mut distances = [0.0; 8];
+    let (mut distances, mut room) = ([0.0; 8], NodeRoom::new());
     let mut current = Reference::ROOT;
     stack.set(0, Entry { key: 0, child: BOTTOM });
     let mut top = 1;
@@ -152,15 +160,17 @@ pub(crate) fn walk<I: Isa, C: Count, const ORDERED: bool>(
             leaves.visit(current.value(), span, count)?;
         } else {
             count.node();
-            let node = tree.node(current);
-            let mask = isa.slab8(&node.boxes, ray, span.t_min, span.t_max, &mut distances);
+            // SAFETY: the caller's promise; references to inner nodes come from the tree.
+            let (boxes, words) = unsafe { tree.node(isa, current, &mut room) };
+            let children: &[Reference; 8] = bytemuck::cast_ref(words);
+            let mask = isa.slab8(boxes, ray, span.t_min, span.t_max, &mut distances);
             if mask != 0 {
                 let slot = first(mask);
-                let mut nearest = take(isa, tree, node, &distances, slot);
+                let mut nearest = take(isa, tree, children, &distances, slot);
                 let mut rest = mask & (mask - 1);
                 if !ORDERED {
                     while rest != 0 {
-                        let child = node.children[first(rest)];
+                        let child = children[first(rest)];
                         rest &= rest - 1;
                         stack.set(top, Entry { key: 0, child });
                         top += 1;
@@ -168,7 +178,7 @@ pub(crate) fn walk<I: Isa, C: Count, const ORDERED: bool>(
                 } else if rest != 0 {
                     let other_slot = first(rest);
                     rest &= rest - 1;
-                    let mut other = take(isa, tree, node, &distances, other_slot);
+                    let mut other = take(isa, tree, children, &distances, other_slot);
                     if distances[other_slot] < distances[slot] {
                         std::mem::swap(&mut other, &mut nearest);
                     }
@@ -176,7 +186,7 @@ pub(crate) fn walk<I: Isa, C: Count, const ORDERED: bool>(
                     stack.set(top, other);
                     top += 1;
                     while rest != 0 {
-                        let entry = take(isa, tree, node, &distances, first(rest));
+                        let entry = take(isa, tree, children, &distances, first(rest));
                         rest &= rest - 1;
                         // SAFETY: entries from `base` to `top` were set above.
                         nearest = unsafe { stack.insert(base, top, nearest, entry) };

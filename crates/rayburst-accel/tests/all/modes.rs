@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{Affine3A, Quat, Vec3};
 use rayburst_accel::{
     AcceptAll, Blas, BuildOptions, CandidateFilter, Counters, Cull, FilterFn, Instance,
-    InstanceFlags, IsaLevel, Tlas, TraceMode, TraceOptions,
+    InstanceFlags, IsaLevel, Layout, Tlas, TraceMode, TraceOptions,
 };
 use rayburst_math::{Hit, Ray};
 
@@ -177,9 +177,13 @@ fn modes_agree_on_meshes_of_every_kind_and_build() {
         let rays = [rays(76, 1600, mesh), coherent_rays(80, 40, mesh)].concat();
         for isa in IsaLevel::available() {
             for quality in QUALITIES {
-                let options = BuildOptions { quality, isa: Some(isa), ..BuildOptions::default() };
-                let geometry = rayburst_accel::TriangleMesh { opaque: false, ..mesh.geometry() };
-                check(&Blas::build(&[geometry], &options).unwrap(), &rays);
+                for layout in Layout::ALL {
+                    let isa = Some(isa);
+                    let options = BuildOptions { quality, layout, isa, ..BuildOptions::default() };
+                    let geometry =
+                        rayburst_accel::TriangleMesh { opaque: false, ..mesh.geometry() };
+                    check(&Blas::build(&[geometry], &options).unwrap(), &rays);
+                }
             }
         }
     }
@@ -205,14 +209,16 @@ fn modes_agree_in_one_instance() {
     let flat = mesh.clone().map(|p| turned.transform_point3(p));
     let rays = coherent_rays(83, 40, &flat);
     for isa in IsaLevel::available() {
-        for front_clockwise in [false, true] {
+        for (front_clockwise, layout) in
+            [(false, Layout::Wide), (true, Layout::Wide), (false, Layout::Compressed)]
+        {
             let flags = InstanceFlags { front_clockwise, ..InstanceFlags::default() };
             let instances = [
                 Instance { flags, ..Instance::new(0, turned) },
                 // Never hit: what is left is one instance.
                 Instance::new(0, Affine3A::ZERO),
             ];
-            let options = BuildOptions { isa: Some(isa), ..BuildOptions::default() };
+            let options = BuildOptions { layout, isa: Some(isa), ..BuildOptions::default() };
             let geometry = rayburst_accel::TriangleMesh { opaque: false, ..mesh.geometry() };
             let blas = Arc::new(Blas::build(&[geometry], &options).unwrap());
             let hits = check(&Tlas::build(vec![blas], &instances, &options).unwrap(), &rays);

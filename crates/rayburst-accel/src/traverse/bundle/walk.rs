@@ -19,8 +19,9 @@ use crate::{
     CandidateFilter,
     build::binned_sah::MAX_DEPTH,
     layout::{
-        bvh8::{Node8, Reference},
+        bvh8::Reference,
         triangles::{BLOCK, TriangleId},
+        view::{BlockRoom, NodeRoom},
     },
     structure::{Structure, Tracer},
 };
@@ -56,7 +57,7 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
     #[inline(always)]
     pub(super) fn traverse<Q: OneHit>(&mut self, bundle: &mut Bundle) -> bool {
         let isa = self.tracer.isa;
-        let tree = &self.place.blas.tree;
+        let (tree, mut room) = (self.place.blas.tree.view(), NodeRoom::new());
         let mut stack = [MaybeUninit::<Entry>::uninit(); ENTRIES];
         let (mut top, mut visits) = (0, 0);
         let mut current = Entry {
@@ -80,10 +81,12 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
                     let from = current.place as usize % GROUPS;
                     (from..GROUPS).for_each(|g| self.count(g, bundle.active[g], Count::node));
                 }
-                let node = tree.node(current.child);
+                // SAFETY: references to inner nodes come from the tree, which the place borrows.
+                let (boxes, words) = unsafe { tree.node(isa, current.child, &mut room) };
+                let children: &[Reference; 8] = bytemuck::cast_ref(words);
                 let mut distances = [0.0; 8];
                 let mut mask = isa.frustum8(
-                    &node.boxes,
+                    boxes,
                     &bundle.axes,
                     &bundle.frustum,
                     bundle.t_min,
@@ -98,18 +101,13 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
                         if Q::ORDERED { mask.trailing_zeros() } else { mask.ilog2() } as usize % 8;
                     mask &= !(1 << slot);
                     let Some(group) = (from..GROUPS).find(|&g| {
-                        isa.box16(&node.boxes, slot, &bundle.axes, &bundle.groups[g])
-                            & bundle.active[g]
+                        isa.box16(boxes, slot, &bundle.axes, &bundle.groups[g]) & bundle.active[g]
                             != 0
                     }) else {
                         continue;
                     };
-                    let child = node.children[slot];
-                    let address = tree.address(child.value());
-                    isa.prefetch(address);
-                    isa.prefetch(address.wrapping_add(64));
-                    isa.prefetch(address.wrapping_add(128));
-                    isa.prefetch(address.wrapping_add(192));
+                    let child = children[slot];
+                    tree.prefetch(isa, child);
                     let entry = Entry {
                         near: distances[slot],
                         child,
@@ -149,16 +147,20 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
     fn leaf<Q: OneHit>(&mut self, bundle: &mut Bundle, entry: &Entry) -> ControlFlow<()> {
         let isa = self.tracer.isa;
         let value = entry.child.value();
-        let parent: &Node8 = self.place.blas.tree.node(entry.parent);
-        // SAFETY: values of a BLAS' leaves come from `TriangleLeaves::place`: a block is there.
-        let block: &Triangles4 = unsafe { self.place.blas.tree.block(value) };
+        let tree = self.place.blas.tree.view();
+        let (mut node_room, mut block_room) = (NodeRoom::new(), BlockRoom::new());
+        // SAFETY: the reference and the value come from the tree, which the place borrows.
+        let ((parent, _), block) = unsafe {
+            let parent = tree.node(isa, entry.parent, &mut node_room);
+            (parent, tree.block(isa, value, &mut block_room))
+        };
         let slot = entry.place as usize / GROUPS % 8;
         let from = entry.place as usize % GROUPS;
         let general = F::ACTIVE && self.place.translucent(block) != 0;
         for g in from..GROUPS {
             let mut changed = false;
             let group = &mut bundle.groups[g];
-            let rays = isa.box16(&parent.boxes, slot, &bundle.axes, group) & bundle.active[g];
+            let rays = isa.box16(parent, slot, &bundle.axes, group) & bundle.active[g];
             if rays == 0 {
                 continue;
             }

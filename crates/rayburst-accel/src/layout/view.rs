@@ -1,0 +1,123 @@
+//! How traversal sees a tree, whichever layout it has.
+//!
+//! One set of kernels serves both layouts: which one it is never changes in the course of a batch over
+//! one BLAS, so the branches here are predicted.
+
+use std::mem::MaybeUninit;
+
+use rayburst_simd::{Boxes8, Isa, LEAF_WORDS, QuantizedNode8, Triangles4, UNIT_WORDS};
+
+use super::{
+    bvh8::{Node8, Reference},
+    triangles::TriangleId,
+};
+
+/// Bytes in which values of references count in a wide tree.
+const HALF_LINE: usize = 32;
+/// Bytes of a unit of a compressed one.
+const UNIT: usize = 4 * UNIT_WORDS;
+
+/// The memory of a tree.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TreeView {
+    start: *const u8,
+    compressed: bool,
+}
+
+/// Where a compressed node is expanded.
+pub(crate) struct NodeRoom(MaybeUninit<(Boxes8, [u32; 8])>);
+
+/// Where a compressed leaf is expanded.
+pub(crate) struct BlockRoom(MaybeUninit<Triangles4>);
+
+impl NodeRoom {
+    #[inline(always)]
+    pub(crate) const fn new() -> Self {
+        Self(MaybeUninit::uninit())
+    }
+}
+
+impl BlockRoom {
+    #[inline(always)]
+    pub(crate) const fn new() -> Self {
+        Self(MaybeUninit::uninit())
+    }
+}
+
+impl TreeView {
+    /// The tree whose memory starts there.
+    #[inline(always)]
+    pub(crate) const fn new(start: *const u8, compressed: bool) -> Self {
+        Self { start, compressed }
+    }
+
+    #[inline(always)]
+    fn of_value(self, value: u32) -> *const u8 {
+        let bytes =
+            if self.compressed { (value >> 2) as usize * UNIT } else { value as usize * HALF_LINE };
+        self.start.wrapping_add(bytes)
+    }
+
+    /// Asks for the memory of a node or leaf, which need not exist.
+    #[inline(always)]
+    pub(crate) fn prefetch<I: Isa>(self, isa: I, reference: Reference) {
+        let address = self.of_value(reference.value());
+        isa.prefetch(address);
+        isa.prefetch(address.wrapping_add(64));
+        isa.prefetch(address.wrapping_add(128));
+        if !self.compressed {
+            isa.prefetch(address.wrapping_add(192));
+        }
+    }
+
+    /// The boxes of a node's children, and their references as words.
+    ///
+    /// # Safety
+    /// The reference must be that of an inner node of the tree, which must live as long as the result.
+    #[inline(always)]
+    pub(crate) unsafe fn node<I: Isa>(
+        self,
+        isa: I,
+        reference: Reference,
+        room: &mut NodeRoom,
+    ) -> (&Boxes8, &[u32; 8]) {
+        let address = self.of_value(reference.value());
+        if self.compressed {
+            debug_assert!(address.cast::<QuantizedNode8>().is_aligned());
+            // SAFETY: writers put a compressed node there; every bit pattern is one.
+            let node = unsafe { &*address.cast::<QuantizedNode8>() };
+            let (boxes, children) = room.0.write(isa.expand8(node));
+            (boxes, children)
+        } else {
+            debug_assert!(address.cast::<Node8>().is_aligned());
+            // SAFETY: writers put a node of four lines there; every bit pattern is one.
+            let node = unsafe { &*address.cast::<Node8>() };
+            (&node.boxes, node.child_words())
+        }
+    }
+
+    /// The triangles of a leaf of a BLAS.
+    ///
+    /// # Safety
+    /// The value must be that of a leaf of the tree, which must live as long as the result.
+    #[inline(always)]
+    pub(crate) unsafe fn block<I: Isa>(
+        self,
+        isa: I,
+        value: u32,
+        room: &mut BlockRoom,
+    ) -> &Triangles4 {
+        let address = self.of_value(value);
+        if self.compressed {
+            debug_assert!(address.cast::<u32>().is_aligned());
+            let count = (value & 3) as usize + 1;
+            // SAFETY: writers put the leaf there, and left room for the longest one behind the last.
+            let leaf = unsafe { &*address.cast::<[u32; LEAF_WORDS]>() };
+            room.0.write(isa.expand4(leaf, count, TriangleId::NONE.word()))
+        } else {
+            debug_assert!(address.cast::<Triangles4>().is_aligned());
+            // SAFETY: writers put a block there; every bit pattern is one.
+            unsafe { &*address.cast::<Triangles4>() }
+        }
+    }
+}

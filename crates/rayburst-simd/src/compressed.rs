@@ -1,0 +1,156 @@
+//! Nodes of quantised boxes and leaves of rows without gaps, and their expansion to [`Boxes8`] and
+//! [`Triangles4`].
+//!
+//! After Ylitie, Karras, Laine, "Efficient incoherent ray traversal on GPUs through compressed wide
+//! BVHs", HPG 2017, sections 3.2 and 4.1: 80 bytes for eight boxes, whose planes are eight-bit steps of
+//! a power of two from a common corner. Changed: what follows a node (inner children and leaves of
+//! triangles as they are traced) is one region in units of 40 bytes: half a node, or a triangle. So one
+//! byte says where a child is and what, and one addition makes a reference of it.
+//!
+//! A step times a power of two is exact, and the sum is rounded once whether it is fused or not: all
+//! instruction sets expand to the same bits.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::{Boxes8, Triangles4};
+
+/// Words of a unit: half a node, or one triangle.
+pub const UNIT_WORDS: usize = 10;
+/// Words of the longest leaf, which may be read of every leaf.
+pub const LEAF_WORDS: usize = 4 * UNIT_WORDS;
+
+/// Eight quantised boxes: 80 bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C, align(8))]
+pub struct QuantizedNode8 {
+    /// The corner from which steps are counted.
+    pub origin: [f32; 3],
+    /// For each axis the exponent of the step, biased as in `f32`; zero is no step at all.
+    pub exponents: [u8; 3],
+    /// Zero.
+    pub spare: u8,
+    /// Steps, in rows as those of [`Boxes8`].
+    pub planes: [[u8; 8]; 6],
+    /// Added to each of `children`.
+    pub base: u32,
+    /// Zero.
+    pub spare_word: u32,
+    /// What is added to `base` for the children's words; [`QuantizedNode8::NO_CHILD`] for none.
+    pub children: [u8; 8],
+}
+
+impl QuantizedNode8 {
+    /// Marks a slot without a child, whose box expands to an empty one along x.
+    pub const NO_CHILD: u8 = 0xFF;
+    /// No children.
+    pub const EMPTY: Self = Self {
+        origin: [0.0; 3],
+        exponents: [0; 3],
+        spare: 0,
+        planes: [[0; 8]; 6],
+        base: 0,
+        spare_word: 0,
+        children: [Self::NO_CHILD; 8],
+    };
+
+    /// The length of a step along an axis.
+    #[inline(always)]
+    pub fn step(&self, axis: usize) -> f32 {
+        f32::from_bits(u32::from(self.exponents[axis]) << 23)
+    }
+}
+
+/// [`crate::Isa::expand8`].
+#[inline(always)]
+pub(crate) fn expand8(node: &QuantizedNode8) -> (Boxes8, [u32; 8]) {
+    let mut boxes = Boxes8::EMPTY;
+    for (row, (planes, steps)) in boxes.planes.iter_mut().zip(&node.planes).enumerate() {
+        for (slot, (plane, &steps)) in planes.iter_mut().zip(steps).enumerate() {
+            if row > 1 || node.children[slot] != QuantizedNode8::NO_CHILD {
+                *plane = f32::from(steps) * node.step(row / 2) + node.origin[row / 2];
+            }
+        }
+    }
+    (boxes, node.children.map(|child| node.base.wrapping_add(u32::from(child))))
+}
+
+/// [`crate::Isa::expand4`].
+#[inline(always)]
+pub(crate) fn expand4(leaf: &[u32; LEAF_WORDS], count: usize, unused: u32) -> Triangles4 {
+    let mut block = Triangles4 { vertices: [[[UNUSED; 4]; 3]; 3], ids: [unused; 4] };
+    for lane in 0..count.min(4) {
+        for corner in 0..3 {
+            for axis in 0..3 {
+                let row = 3 * corner + axis;
+                block.vertices[corner][axis][lane] = f32::from_bits(leaf[row * count + lane]);
+            }
+        }
+        block.ids[lane] = leaf[9 * count + lane];
+    }
+    block
+}
+
+/// What lanes without a triangle hold: the NaN of all bits.
+const UNUSED: f32 = f32::from_bits(u32::MAX);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Isa, IsaLevel, Kernel, tests::Random};
+
+    struct Expand<'a>(&'a QuantizedNode8, &'a [u32; LEAF_WORDS], usize);
+
+    impl Kernel for Expand<'_> {
+        type Output = (Boxes8, [u32; 8], Triangles4);
+
+        #[inline(always)]
+        fn run<I: Isa>(self, isa: I) -> Self::Output {
+            let (boxes, children) = isa.expand8(self.0);
+            (boxes, children, isa.expand4(self.1, self.2, 7))
+        }
+    }
+
+    #[test]
+    fn nodes_and_leaves_expand_to_the_same_bits() {
+        let mut random = Random(11);
+        for i in 0..20_000 {
+            let bits = [(); 20].map(|()| random.next().to_bits() ^ random.next().to_bits() << 9);
+            let mut node: QuantizedNode8 = bytemuck::cast(bits);
+            node.origin = random.vector().map(|x| x * 1e3);
+            node.exponents = [0, 1, 2].map(|axis| node.exponents[axis] % 140);
+            if i % 3 == 0 {
+                node.children[i % 8] = QuantizedNode8::NO_CHILD;
+            }
+            let leaf = [(); LEAF_WORDS].map(|()| random.next().to_bits());
+            for count in 1..=4 {
+                let words = |(boxes, children, block): (Boxes8, [u32; 8], Triangles4)| {
+                    let boxes: [u32; 48] = bytemuck::cast(boxes);
+                    let block: [u32; 40] = bytemuck::cast(block);
+                    (boxes, children, block)
+                };
+                let expected =
+                    words((expand8(&node).0, expand8(&node).1, expand4(&leaf, count, 7)));
+                for level in IsaLevel::available() {
+                    let found = words(level.dispatch(Expand(&node, &leaf, count)));
+                    assert!(found == expected, "{}", level.name());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_node_is_eighty_bytes_and_expands_to_what_it_says() {
+        assert_eq!(size_of::<QuantizedNode8>(), 80);
+        let mut node = QuantizedNode8::EMPTY;
+        assert_eq!(expand8(&node).0.planes[0], [f32::INFINITY; 8]);
+        assert_eq!(expand8(&node).0.planes[1], [f32::NEG_INFINITY; 8]);
+        node.origin = [1.0, 2.0, 3.0];
+        node.exponents = [127, 126, 0];
+        node.base = 80;
+        node.children[2] = 9;
+        node.planes.iter_mut().enumerate().for_each(|(row, planes)| planes[2] = 10 + row as u8);
+        let (boxes, children) = expand8(&node);
+        assert_eq!(boxes.planes.map(|row| row[2]), [11.0, 12.0, 8.0, 8.5, 3.0, 3.0]);
+        assert_eq!(children[2], 89);
+    }
+}
