@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use rayburst_accel::{AcceptAll, Blas, BuildOptions, BuildQuality, TraceMode, TraceOptions};
+use rayburst_accel::{
+    AcceptAll, Blas, BuildOptions, BuildQuality, Layout, TraceMode, TraceOptions,
+};
 use rayburst_math::{Hit, Ray};
 
 use crate::peers::embree::Quality;
@@ -36,6 +38,8 @@ pub struct Preset {
     pub name: &'static str,
     /// What it asks of the build.
     pub quality: BuildQuality,
+    /// How it lays out the structure.
+    pub layout: Layout,
     /// The builder that it uses.
     pub builder: &'static str,
     /// Embree's build quality that makes the same trade.
@@ -43,26 +47,40 @@ pub struct Preset {
 }
 
 impl Preset {
-    /// All presets.
-    pub const ALL: [Self; 3] = [
-        Self { name: "fast", quality: BuildQuality::Fast, builder: "hlbvh", embree: Quality::Low },
+    /// The presets that are measured unless others are named.
+    pub const USUAL: [Self; 3] = [
+        Self {
+            name: "fast",
+            quality: BuildQuality::Fast,
+            layout: Layout::Wide,
+            builder: "hlbvh",
+            embree: Quality::Low,
+        },
         Self {
             name: "balanced",
             quality: BuildQuality::Balanced,
+            layout: Layout::Wide,
             builder: "binned-sah",
             embree: Quality::Medium,
         },
         Self {
             name: "best",
             quality: BuildQuality::Best,
+            layout: Layout::Wide,
             builder: "spatial-splits",
             embree: Quality::High,
         },
     ];
 
+    /// All presets: the usual ones, and `balanced` in the compressed layout.
+    pub const ALL: [Self; 4] = {
+        let [fast, balanced, best] = Self::USUAL;
+        [fast, balanced, best, Self { name: "compressed", layout: Layout::Compressed, ..balanced }]
+    };
+
     /// Options of a build.
     pub fn options(&self) -> BuildOptions<'static> {
-        BuildOptions { quality: self.quality, ..BuildOptions::default() }
+        BuildOptions { quality: self.quality, layout: self.layout, ..BuildOptions::default() }
     }
 }
 

@@ -38,7 +38,7 @@ pub struct RayBench {
 
 impl Default for RayBench {
     fn default() -> Self {
-        let presets = Preset::ALL.iter();
+        let presets = Preset::USUAL.iter();
         Self {
             threads: 1,
             repeats: 5,
@@ -65,7 +65,7 @@ pub fn bench_rays(
     let pool = error::pool(options.threads)?;
     let triangles = [TriangleMesh::new(&mesh.positions, &mesh.indices)];
     // The rays do not depend on how the structure was built.
-    let reference = Blas::build(&triangles, &Preset::ALL[0].options())?;
+    let reference = Blas::build(&triangles, &Preset::USUAL[0].options())?;
     let sets = pool.install(|| ray_sets(mesh, &reference, camera, options.size));
     drop(reference);
     let engines = build(mesh, options)?;

@@ -83,7 +83,7 @@ mod tests {
     use super::*;
 
     fn named(name: &str) -> Vec<String> {
-        let usual = EngineSpec::usual(&Preset::ALL, &Mode::USUAL);
+        let usual = EngineSpec::usual(&Preset::USUAL, &Mode::USUAL);
         EngineSpec::named(name, &usual).iter().map(ToString::to_string).collect()
     }
 

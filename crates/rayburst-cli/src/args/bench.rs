@@ -81,7 +81,7 @@ pub(crate) struct BenchCommonArgs {
     /// A peer's shared library to measure beside: embree=PATH
     #[arg(long, value_name = "NAME=PATH", value_parser = peer)]
     pub(crate) peer: Option<Peer>,
-    /// Build presets of this engine, with commas [default: all]
+    /// Build presets of this engine, with commas [default: fast,balanced,best]
     #[arg(long, value_name = "LIST", value_parser = presets)]
     pub(crate) preset: Option<PresetList>,
     /// Timed runs of each engine; the median counts
@@ -102,9 +102,9 @@ pub(crate) struct BenchCommonArgs {
 }
 
 impl BenchCommonArgs {
-    /// Presets asked for, or all.
+    /// Presets asked for, or the usual ones.
     pub(crate) fn presets(&self) -> &[Preset] {
-        self.preset.as_ref().map_or(&Preset::ALL, |list| &list.0)
+        self.preset.as_ref().map_or(&Preset::USUAL, |list| &list.0)
     }
 }
 
@@ -124,7 +124,7 @@ fn engines(given: &str) -> Result<EngineNames, String> {
     let names: Vec<&str> = given.split(',').map(str::trim).filter(|n| !n.is_empty()).collect();
     for name in &names {
         if EngineSpec::named(name, &[]).is_empty() {
-            let usual = EngineSpec::usual(&Preset::ALL, &Mode::USUAL);
+            let usual = EngineSpec::usual(&Preset::USUAL, &Mode::USUAL);
             let mut known: Vec<String> = usual.iter().map(ToString::to_string).collect();
             known.push(EMBREE_NAMES.into());
             let known: Vec<&str> = known.iter().map(String::as_str).collect();
