@@ -96,7 +96,7 @@ const UNUSED: f32 = f32::from_bits(u32::MAX);
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Isa, IsaLevel, Kernel, tests::Random};
+    use crate::{Isa, IsaLevel, Kernel, Scalar, SlabRay, tests::Random};
 
     struct Expand<'a>(&'a QuantizedNode8, &'a [u32; LEAF_WORDS], usize);
 
@@ -136,6 +136,73 @@ mod tests {
                 }
             }
         }
+    }
+
+    struct Meet<'a>(&'a QuantizedNode8, &'a SlabRay);
+
+    impl Kernel for Meet<'_> {
+        /// Slots that are met, then the same by the other two operations, sorted and not.
+        type Output = [u32; 3];
+
+        #[inline(always)]
+        fn run<I: Isa>(self, isa: I) -> [u32; 3] {
+            let Self(node, ray) = self;
+            let mask = isa.quantized_slab8(node, ray, 0.0, 10.0, &mut [0.0; 8]);
+            let (mut keys, mut found) = ([0; 8], [0; 8]);
+            let (count, nearest) =
+                isa.quantized_sorted8(node, ray, 0.0, 10.0, &mut keys, &mut found);
+            let slots_of =
+                |found: &[u32]| found.iter().fold(0, |mask, word| mask | 1 << (word - node.base));
+            let sorted = slots_of(&found[..count]);
+            assert!(keys[..count].is_sorted_by(|a, b| a > b));
+            assert!(count == 0 || found[count - 1] - node.base == nearest);
+            let (count, first) = isa.quantized_met8(node, ray, 0.0, 10.0, &mut found);
+            let others = if count == 0 { 0 } else { slots_of(&found[..count - 1]) | 1 << first };
+            [mask, sorted, others]
+        }
+    }
+
+    #[test]
+    fn quantised_boxes_are_met_like_the_expanded_ones() {
+        let mut random = Random(12);
+        let (mut met, mut differing) = (0, 0);
+        for _ in 0..20_000 {
+            let mut node = QuantizedNode8::EMPTY;
+            node.origin = random.vector();
+            node.exponents = [0, 1, 2].map(|_| 119 + (random.next().abs() * 3.0) as u8);
+            node.base = 800;
+            // A child's word tells its slot.
+            for slot in 0..8 {
+                if random.next() > -0.7 {
+                    node.children[slot] = slot as u8;
+                }
+                for axis in 0..3 {
+                    let steps = [(); 2].map(|()| (random.next().abs() * 255.0) as u8);
+                    node.planes[2 * axis][slot] = steps[0].min(steps[1]);
+                    node.planes[2 * axis + 1][slot] = steps[0].max(steps[1]);
+                }
+            }
+            let (origin, direction) = (random.vector(), random.vector());
+            let inverse = direction.map(|d| 1.0 / if d == 0.0 { 1e-9 } else { d });
+            let ray = |margin: f32| {
+                let offset = |sign: f32| {
+                    [0, 1, 2, 0].map(|a| origin[a] * inverse[a] + sign * margin * inverse[a].abs())
+                };
+                let [x, y, z] = inverse;
+                SlabRay::new([x, y, z, f32::NAN], offset(1.0), offset(-1.0))
+            };
+            let boxes = expand8(&node).0;
+            let mask = |margin| Scalar.slab8(&boxes, &ray(margin), 0.0, 10.0, &mut [0.0; 8]);
+            let (certain, possible) = (mask(0.0), mask(2e-5));
+            for level in IsaLevel::available() {
+                let [mask, sorted, others] = level.dispatch(Meet(&node, &ray(1e-5)));
+                assert!(mask == sorted && mask == others, "{}", level.name());
+                assert!(mask & certain == certain && mask & !possible == 0, "{}", level.name());
+                met += mask.count_ones();
+                differing += (mask ^ certain).count_ones();
+            }
+        }
+        assert!(met > 5_000 && differing < met / 100, "{met}, {differing}");
     }
 
     #[test]

@@ -83,6 +83,48 @@ pub trait Isa: Copy + Send + Sync + std::fmt::Debug + 'static {
         (mask.count_ones() as usize, mask.trailing_zeros() & SLOT)
     }
 
+    /// [`Isa::slab8`] of a compressed node: boxes that are barely missed may differ.
+    #[inline(always)]
+    fn quantized_slab8(
+        self,
+        node: &QuantizedNode8,
+        ray: &SlabRay,
+        t_min: f32,
+        t_max: f32,
+        distances: &mut [f32; 8],
+    ) -> u32 {
+        self.slab8(&self.expand8(node).0, ray, t_min, t_max, distances)
+    }
+
+    /// [`Isa::sorted8`] of a compressed node: boxes that are barely missed may differ.
+    #[inline(always)]
+    fn quantized_sorted8(
+        self,
+        node: &QuantizedNode8,
+        ray: &SlabRay,
+        t_min: f32,
+        t_max: f32,
+        keys: &mut [u32; 8],
+        found: &mut [u32; 8],
+    ) -> (usize, u32) {
+        let (boxes, children) = self.expand8(node);
+        self.sorted8((&boxes, &children), ray, t_min, t_max, keys, found)
+    }
+
+    /// [`Isa::met8`] of a compressed node: boxes that are barely missed may differ.
+    #[inline(always)]
+    fn quantized_met8(
+        self,
+        node: &QuantizedNode8,
+        ray: &SlabRay,
+        t_min: f32,
+        t_max: f32,
+        others: &mut [u32; 8],
+    ) -> (usize, u32) {
+        let (boxes, children) = self.expand8(node);
+        self.met8((&boxes, &children), ray, t_min, t_max, others)
+    }
+
     /// One more than the index of the last key that is no greater than `limit`; zero if all are.
     /// Keys and limit are less than 2³¹.
     #[inline(always)]

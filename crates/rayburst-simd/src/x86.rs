@@ -12,43 +12,161 @@ use crate::{
     triangles::{LARGE, SMALL, decide_exactly},
 };
 
-/// The distances between which a ray is in each of eight boxes. The nearer ones are never −0 if
-/// `t_min` is not.
+/// Eight boxes, in either form.
+pub(crate) trait EightBoxes: Copy {
+    /// The distances between which a ray is in each of eight boxes. The nearer ones are never −0 if
+    /// `t_min` is not.
+    ///
+    /// # Safety
+    /// The CPU must have AVX2 and FMA.
+    unsafe fn interval8(self, ray: &SlabRay, t_min: f32, t_max: f32) -> (__m256, __m256);
+}
+
+/// Eight boxes and what is in them.
+pub(crate) trait Node: EightBoxes {
+    /// The children's words.
+    ///
+    /// # Safety
+    /// The CPU must have AVX2 and FMA.
+    unsafe fn children(self) -> __m256i;
+}
+
+impl EightBoxes for &Boxes8 {
+    #[inline(always)]
+    unsafe fn interval8(self, ray: &SlabRay, t_min: f32, t_max: f32) -> (__m256, __m256) {
+        // SAFETY: the caller's promise; what is loaded and stored is said below.
+        unsafe {
+            let (inverse, rows) = (ray.inverse(), ray.near_row());
+            let (near_offset, far_offset) = (ray.near_offset(), ray.far_offset());
+            let plane = |row: usize, axis: usize, offset: f32| {
+                debug_assert!(row + 32 <= size_of::<Boxes8>());
+                // `SlabRay` holds starts of the six rows of `planes`, and flipping
+                // `FAR_ROW` leads from one to the other of an axis; rows are 32 bytes of an array
+                // of alignment 64.
+                let planes = _mm256_load_ps(self.planes.as_ptr().byte_add(row).cast());
+                _mm256_fmsub_ps(planes, _mm256_set1_ps(inverse[axis]), _mm256_set1_ps(offset))
+            };
+            // Not `map`: what it calls would be compiled for the baseline.
+            let near = [
+                plane(rows[0], 0, near_offset[0]),
+                plane(rows[1], 1, near_offset[1]),
+                plane(rows[2], 2, near_offset[2]),
+            ];
+            let far = [
+                plane(rows[0] ^ SlabRay::FAR_ROW, 0, far_offset[0]),
+                plane(rows[1] ^ SlabRay::FAR_ROW, 1, far_offset[1]),
+                plane(rows[2] ^ SlabRay::FAR_ROW, 2, far_offset[2]),
+            ];
+            intersect(near, far, t_min, t_max)
+        }
+    }
+}
+
+impl EightBoxes for (&Boxes8, &[u32; 8]) {
+    #[inline(always)]
+    unsafe fn interval8(self, ray: &SlabRay, t_min: f32, t_max: f32) -> (__m256, __m256) {
+        // SAFETY: the caller's promise.
+        unsafe { self.0.interval8(ray, t_min, t_max) }
+    }
+}
+
+impl Node for (&Boxes8, &[u32; 8]) {
+    #[inline(always)]
+    unsafe fn children(self) -> __m256i {
+        // SAFETY: the caller's promise; the array has eight lanes, aligned or not.
+        unsafe { _mm256_loadu_si256(self.1.as_ptr().cast()) }
+    }
+}
+
+/// Steps are counted in units of the ray's distances: one multiplication and addition a plane, as for
+/// planes that are stored. What that is wrong by is one rounding of the distance to the corner.
+impl EightBoxes for &QuantizedNode8 {
+    #[inline(always)]
+    unsafe fn interval8(self, ray: &SlabRay, t_min: f32, t_max: f32) -> (__m256, __m256) {
+        // SAFETY: the caller's promise; what is loaded and stored is said below.
+        unsafe {
+            let rows = ray.near_row();
+            let [inverse, near_offset, far_offset] = ray.fours();
+            let inverse = _mm_loadu_ps(inverse.as_ptr());
+            let near_offset = _mm_loadu_ps(near_offset.as_ptr());
+            let far_offset = _mm_loadu_ps(far_offset.as_ptr());
+            let corner = _mm_setr_ps(self.origin[0], self.origin[1], self.origin[2], 0.0);
+            let [x, y, z] = self.exponents;
+            let exponents = _mm_cvtepu8_epi32(_mm_cvtsi32_si128(i32::from_le_bytes([x, y, z, 0])));
+            let scale = _mm_mul_ps(_mm_castsi128_ps(_mm_slli_epi32::<23>(exponents)), inverse);
+            let near_base = _mm_fmsub_ps(corner, inverse, near_offset);
+            let far_base = _mm_fmsub_ps(corner, inverse, far_offset);
+            let plane = |row: usize, scale: __m256, base: __m256| {
+                debug_assert!(row / 4 + 8 <= 48);
+                // `SlabRay` holds starts of rows four times as long, and `FAR_ROW` is a bit of those.
+                let steps = _mm_loadl_epi64(self.planes.as_ptr().byte_add(row / 4).cast());
+                _mm256_fmadd_ps(_mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(steps)), scale, base)
+            };
+            let (x, y, z) = spread3(scale);
+            let (near_x, near_y, near_z) = spread3(near_base);
+            let (far_x, far_y, far_z) = spread3(far_base);
+            let near =
+                [plane(rows[0], x, near_x), plane(rows[1], y, near_y), plane(rows[2], z, near_z)];
+            let far = [
+                plane(rows[0] ^ SlabRay::FAR_ROW, x, far_x),
+                plane(rows[1] ^ SlabRay::FAR_ROW, y, far_y),
+                plane(rows[2] ^ SlabRay::FAR_ROW, z, far_z),
+            ];
+            let (near, far) = intersect(near, far, t_min, t_max);
+            let none = _mm256_set1_epi32(i32::from(QuantizedNode8::NO_CHILD));
+            let bytes = _mm256_cvtepu8_epi32(_mm_loadl_epi64(self.children.as_ptr().cast()));
+            let empty = _mm256_castsi256_ps(_mm256_cmpeq_epi32(bytes, none));
+            (near, _mm256_blendv_ps(far, _mm256_set1_ps(f32::NEG_INFINITY), empty))
+        }
+    }
+}
+
+impl Node for &QuantizedNode8 {
+    #[inline(always)]
+    unsafe fn children(self) -> __m256i {
+        // SAFETY: the caller's promise; the load is of eight bytes.
+        unsafe {
+            let bytes = _mm256_cvtepu8_epi32(_mm_loadl_epi64(self.children.as_ptr().cast()));
+            _mm256_add_epi32(_mm256_set1_epi32(self.base as i32), bytes)
+        }
+    }
+}
+
+/// Each of the first three lanes in eight.
 ///
 /// # Safety
 /// The CPU must have AVX2 and FMA.
 #[inline(always)]
-pub(crate) unsafe fn interval8(
-    boxes: &Boxes8,
-    ray: &SlabRay,
+unsafe fn spread3(four: __m128) -> (__m256, __m256, __m256) {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let (y, z) = (_mm_movehdup_ps(four), _mm_movehl_ps(four, four));
+        (_mm256_broadcastss_ps(four), _mm256_broadcastss_ps(y), _mm256_broadcastss_ps(z))
+    }
+}
+
+/// The intersection of the intervals of three axes and the ray's own.
+///
+/// # Safety
+/// The CPU must have AVX2 and FMA.
+#[inline(always)]
+unsafe fn intersect(
+    near: [__m256; 3],
+    far: [__m256; 3],
     t_min: f32,
     t_max: f32,
 ) -> (__m256, __m256) {
-    // SAFETY: the caller's promise; what is loaded and stored is said below.
+    // SAFETY: the caller's promise.
     unsafe {
-        let (inverse, rows) = (ray.inverse(), ray.near_row());
-        let (near_offset, far_offset) = (ray.near_offset(), ray.far_offset());
-        let plane = |row: usize, axis: usize, offset: f32| {
-            debug_assert!(row + 32 <= size_of::<Boxes8>());
-            // `SlabRay` holds starts of the six rows of `planes`, and flipping
-            // `FAR_ROW` leads from one to the other of an axis; rows are 32 bytes of an array
-            // of alignment 64.
-            let planes = _mm256_load_ps(boxes.planes.as_ptr().byte_add(row).cast());
-            _mm256_fmsub_ps(planes, _mm256_set1_ps(inverse[axis]), _mm256_set1_ps(offset))
-        };
-        let near_x = plane(rows[0], 0, near_offset[0]);
-        let near_y = plane(rows[1], 1, near_offset[1]);
-        let near_z = plane(rows[2], 2, near_offset[2]);
-        let far_x = plane(rows[0] ^ SlabRay::FAR_ROW, 0, far_offset[0]);
-        let far_y = plane(rows[1] ^ SlabRay::FAR_ROW, 1, far_offset[1]);
-        let far_z = plane(rows[2] ^ SlabRay::FAR_ROW, 2, far_offset[2]);
         // Of two zeros the instruction gives its second operand: `t_min`.
         let near = _mm256_max_ps(
-            _mm256_max_ps(near_x, near_y),
-            _mm256_max_ps(near_z, _mm256_set1_ps(t_min)),
+            _mm256_max_ps(near[0], near[1]),
+            _mm256_max_ps(near[2], _mm256_set1_ps(t_min)),
         );
-        let far =
-            _mm256_min_ps(_mm256_min_ps(far_x, far_y), _mm256_min_ps(far_z, _mm256_set1_ps(t_max)));
+        let far = _mm256_min_ps(
+            _mm256_min_ps(far[0], far[1]),
+            _mm256_min_ps(far[2], _mm256_set1_ps(t_max)),
+        );
         (near, far)
     }
 }

@@ -40,6 +40,11 @@ impl Reference {
         self.0
     }
 
+    /// The reference that is stored as a word.
+    pub(crate) const fn of_word(word: u32) -> Self {
+        Self(word)
+    }
+
     pub(crate) const fn node(line: u32) -> Self {
         Self(line << 2)
     }

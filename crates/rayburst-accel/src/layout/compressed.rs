@@ -187,21 +187,25 @@ fn quantize(boxes: &Boxes8, children: &[Reference; 8]) -> QuantizedNode8 {
         node.origin[axis] = low;
         node.exponents[axis] = exponent(low, high);
         let step = node.step(axis);
+        // As expanded, and exactly, for kernels that never round the plane.
         let plane = |steps: u8| f32::from(steps) * step + low;
+        let exact = |steps: u8| f64::from(steps) * f64::from(step) + f64::from(low);
+        let below = |steps: u8, x: f32| plane(steps) <= x && exact(steps) <= f64::from(x);
+        let above = |steps: u8, x: f32| plane(steps) >= x && exact(steps) >= f64::from(x);
         for slot in (0..8).filter(used) {
             let guess = |x: f32| if step > 0.0 { ((x - low) / step) as u8 } else { 0 };
             let mut first = guess(lower[slot]);
-            while first > 0 && plane(first) > lower[slot] {
+            while first > 0 && !below(first, lower[slot]) {
                 first -= 1;
             }
-            while first < u8::MAX && step > 0.0 && plane(first + 1) <= lower[slot] {
+            while first < u8::MAX && step > 0.0 && below(first + 1, lower[slot]) {
                 first += 1;
             }
             let mut last = guess(upper[slot]);
-            while last > 0 && step > 0.0 && plane(last - 1) >= upper[slot] {
+            while last > 0 && step > 0.0 && above(last - 1, upper[slot]) {
                 last -= 1;
             }
-            while last < u8::MAX && plane(last) < upper[slot] {
+            while last < u8::MAX && step > 0.0 && !above(last, upper[slot]) {
                 last += 1;
             }
             node.planes[2 * axis][slot] = first;
@@ -216,7 +220,11 @@ fn exponent(low: f32, high: f32) -> u8 {
     if low == high {
         return 0;
     }
-    let reaches = |exponent: u8| 255.0 * f32::from_bits(u32::from(exponent) << 23) + low >= high;
+    let reaches = |exponent: u8| {
+        let step = f32::from_bits(u32::from(exponent) << 23);
+        let exact = 255.0 * f64::from(step) + f64::from(low);
+        255.0 * step + low >= high && exact >= f64::from(high)
+    };
     let mut exponent = (((high - low) / 255.0).to_bits() >> 23).clamp(1, 253) as u8;
     while exponent > 1 && reaches(exponent - 1) {
         exponent -= 1;

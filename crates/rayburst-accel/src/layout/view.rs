@@ -5,12 +5,13 @@
 
 use std::mem::MaybeUninit;
 
-use rayburst_simd::{Boxes8, Isa, LEAF_WORDS, QuantizedNode8, Triangles4, UNIT_WORDS};
+use rayburst_simd::{Boxes8, Isa, LEAF_WORDS, QuantizedNode8, SlabRay, Triangles4, UNIT_WORDS};
 
 use super::{
     bvh8::{Node8, Reference},
     triangles::TriangleId,
 };
+use crate::traverse::prepare::Span;
 
 /// Bytes in which values of references count in a wide tree.
 const HALF_LINE: usize = 32;
@@ -70,6 +71,26 @@ impl TreeView {
         }
     }
 
+    /// # Safety
+    /// The tree must be wide, and the reference that of an inner node of it.
+    #[inline(always)]
+    unsafe fn wide<'a>(self, reference: Reference) -> &'a Node8 {
+        let address = self.of_value(reference.value()).cast::<Node8>();
+        debug_assert!(!self.compressed && address.is_aligned());
+        // SAFETY: writers put a node of four lines there; every bit pattern is one.
+        unsafe { &*address }
+    }
+
+    /// # Safety
+    /// The tree must be compressed, and the reference that of an inner node of it.
+    #[inline(always)]
+    unsafe fn quantized<'a>(self, reference: Reference) -> &'a QuantizedNode8 {
+        let address = self.of_value(reference.value()).cast::<QuantizedNode8>();
+        debug_assert!(self.compressed && address.is_aligned());
+        // SAFETY: writers put a compressed node there; every bit pattern is one.
+        unsafe { &*address }
+    }
+
     /// The boxes of a node's children, and their references as words.
     ///
     /// # Safety
@@ -81,18 +102,109 @@ impl TreeView {
         reference: Reference,
         room: &mut NodeRoom,
     ) -> (&Boxes8, &[u32; 8]) {
-        let address = self.of_value(reference.value());
-        if self.compressed {
-            debug_assert!(address.cast::<QuantizedNode8>().is_aligned());
-            // SAFETY: writers put a compressed node there; every bit pattern is one.
-            let node = unsafe { &*address.cast::<QuantizedNode8>() };
-            let (boxes, children) = room.0.write(isa.expand8(node));
-            (boxes, children)
-        } else {
-            debug_assert!(address.cast::<Node8>().is_aligned());
-            // SAFETY: writers put a node of four lines there; every bit pattern is one.
-            let node = unsafe { &*address.cast::<Node8>() };
-            (&node.boxes, node.child_words())
+        // SAFETY: the caller's promise.
+        unsafe {
+            if self.compressed {
+                let (boxes, children) = room.0.write(isa.expand8(self.quantized(reference)));
+                (boxes, children)
+            } else {
+                let node = self.wide(reference);
+                (&node.boxes, node.child_words())
+            }
+        }
+    }
+
+    /// The child in a slot of a node, less than eight.
+    ///
+    /// # Safety
+    /// The reference must be that of an inner node of the tree.
+    #[inline(always)]
+    pub(crate) unsafe fn child(self, node: Reference, slot: u32) -> Reference {
+        let slot = slot as usize % 8;
+        // SAFETY: the caller's promise.
+        unsafe {
+            if self.compressed {
+                let node = self.quantized(node);
+                Reference::of_word(node.base.wrapping_add(u32::from(node.children[slot])))
+            } else {
+                self.wide(node).children[slot]
+            }
+        }
+    }
+
+    /// [`Isa::slab8`] of a node.
+    ///
+    /// # Safety
+    /// The reference must be that of an inner node of the tree.
+    #[inline(always)]
+    pub(crate) unsafe fn slab8<I: Isa>(
+        self,
+        isa: I,
+        node: Reference,
+        ray: &SlabRay,
+        span: &Span,
+        distances: &mut [f32; 8],
+    ) -> u32 {
+        let (t_min, t_max) = (span.t_min, span.t_max);
+        // SAFETY: the caller's promise.
+        unsafe {
+            if self.compressed {
+                isa.quantized_slab8(self.quantized(node), ray, t_min, t_max, distances)
+            } else {
+                isa.slab8(&self.wide(node).boxes, ray, t_min, t_max, distances)
+            }
+        }
+    }
+
+    /// [`Isa::sorted8`] of a node.
+    ///
+    /// # Safety
+    /// The reference must be that of an inner node of the tree.
+    #[inline(always)]
+    pub(crate) unsafe fn sorted8<I: Isa>(
+        self,
+        isa: I,
+        node: Reference,
+        ray: &SlabRay,
+        span: &Span,
+        keys: &mut [u32; 8],
+        found: &mut [u32; 8],
+    ) -> (usize, u32) {
+        let (t_min, t_max) = (span.t_min, span.t_max);
+        // SAFETY: the caller's promise.
+        unsafe {
+            if self.compressed {
+                isa.quantized_sorted8(self.quantized(node), ray, t_min, t_max, keys, found)
+            } else {
+                let node = self.wide(node);
+                let children = (&node.boxes, node.child_words());
+                isa.sorted8(children, ray, t_min, t_max, keys, found)
+            }
+        }
+    }
+
+    /// [`Isa::met8`] of a node.
+    ///
+    /// # Safety
+    /// The reference must be that of an inner node of the tree.
+    #[inline(always)]
+    pub(crate) unsafe fn met8<I: Isa>(
+        self,
+        isa: I,
+        node: Reference,
+        ray: &SlabRay,
+        span: &Span,
+        others: &mut [u32; 8],
+    ) -> (usize, u32) {
+        let (t_min, t_max) = (span.t_min, span.t_max);
+        // SAFETY: the caller's promise.
+        unsafe {
+            if self.compressed {
+                isa.quantized_met8(self.quantized(node), ray, t_min, t_max, others)
+            } else {
+                let node = self.wide(node);
+                isa.met8((&node.boxes, node.child_words()), ray, t_min, t_max, others)
+            }
         }
     }
 

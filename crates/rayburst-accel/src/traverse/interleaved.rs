@@ -26,11 +26,7 @@ use super::{
 };
 use crate::{
     CandidateFilter, TraceOptions,
-    layout::{
-        arena::Line,
-        bvh8::Reference,
-        view::{NodeRoom, TreeView},
-    },
+    layout::{arena::Line, bvh8::Reference, view::TreeView},
     structure::{Structure, Tracer},
 };
 
@@ -293,15 +289,11 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
             let f = &mut *flight;
             f.count.node();
             let tree = if S::TWO_LEVEL { f.tree } else { self.tree };
-            let mut room = NodeRoom::new();
-            let (boxes, words) = tree.node(self.isa, f.current, &mut room);
-            let references_of: &[Reference; 8] = bytemuck::cast_ref(words);
             let top = f.top as usize;
             let keys = keys(flight);
             let references = keys.add(self.entries);
-            let (t_min, t_max) = (f.span.t_min, f.span.t_max);
+            let t_max = f.span.t_max;
             let found = &mut *references.add(top).cast::<[u32; 8]>();
-            let children = (boxes, words);
             let (place, next);
             if Q::ORDERED {
                 let sorted = &mut *keys.add(top).cast::<[u32; 8]>();
@@ -309,19 +301,19 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
                 let live = self.isa.last_within8(below, limit(t_max));
                 let mut popped = top - 9 + live;
                 let (count, nearest) =
-                    self.isa.sorted8(children, &f.ray.slab, t_min, t_max, sorted, found);
+                    tree.sorted8(self.isa, f.current, &f.ray.slab, &f.span, sorted, found);
                 if (live == 0) & (count == 0) {
                     popped = self.pop(keys, top - 8, t_max);
                 }
                 place = if count != 0 { top + count - 1 } else { popped };
                 let waiting = *references.add(popped).cast::<Reference>();
-                let child = *references_of.get_unchecked(nearest as usize);
+                let child = tree.child(f.current, nearest);
                 next = if count != 0 { child } else { waiting };
             } else {
-                let (count, first) = self.isa.met8(children, &f.ray.slab, t_min, t_max, found);
+                let (count, first) = tree.met8(self.isa, f.current, &f.ray.slab, &f.span, found);
                 place = top.wrapping_add(count).wrapping_sub(1);
                 let waiting = *references.add(top - 1).cast::<Reference>();
-                let child = *references_of.get_unchecked(first as usize);
+                let child = tree.child(f.current, first);
                 next = if count != 0 { child } else { waiting };
             }
             self.advance::<Q, C>(slot, tree, place, next, sets);

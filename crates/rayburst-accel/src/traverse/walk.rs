@@ -11,10 +11,7 @@ use rayburst_simd::{Isa, SlabRay};
 use super::{count::Count, prepare::Span};
 use crate::{
     build::binned_sah::MAX_DEPTH,
-    layout::{
-        bvh8::Reference,
-        view::{NodeRoom, TreeView},
-    },
+    layout::{bvh8::Reference, view::TreeView},
 };
 
 /// Seven siblings a level, the bottom and one to spare, as a power of two.
@@ -120,15 +117,19 @@ fn first(mask: u32) -> usize {
 }
 
 /// A met child, whose memory is asked for.
+///
+/// # Safety
+/// The reference must be that of an inner node of the tree.
 #[inline(always)]
-fn take<I: Isa>(
+unsafe fn take<I: Isa>(
     isa: I,
     tree: TreeView,
-    children: &[Reference; 8],
+    node: Reference,
     distances: &[f32; 8],
     slot: usize,
 ) -> Entry {
-    let child = children[slot];
+    // SAFETY: the caller's promise.
+    let child = unsafe { tree.child(node, slot as u32) };
     tree.prefetch(isa, child);
     Entry { key: key(distances[slot]), child }
 }
@@ -148,7 +149,7 @@ pub(crate) unsafe fn walk<I: Isa, C: Count, const ORDERED: bool>(
     count: &mut C,
     leaves: &mut impl Leaves<C>,
 ) -> ControlFlow<()> {
-    let (mut distances, mut room) = ([0.0; 8], NodeRoom::new());
+    let mut distances = [0.0; 8];
     let mut current = Reference::ROOT;
     stack.set(0, Entry { key: 0, child: BOTTOM });
     let mut top = 1;
@@ -160,17 +161,18 @@ pub(crate) unsafe fn walk<I: Isa, C: Count, const ORDERED: bool>(
             leaves.visit(current.value(), span, count)?;
         } else {
             count.node();
+            let node = current;
             // SAFETY: the caller's promise; references to inner nodes come from the tree.
-            let (boxes, words) = unsafe { tree.node(isa, current, &mut room) };
-            let children: &[Reference; 8] = bytemuck::cast_ref(words);
-            let mask = isa.slab8(boxes, ray, span.t_min, span.t_max, &mut distances);
+            let mask = unsafe { tree.slab8(isa, node, ray, span, &mut distances) };
             if mask != 0 {
                 let slot = first(mask);
-                let mut nearest = take(isa, tree, children, &distances, slot);
+                // SAFETY: as above.
+                let mut nearest = unsafe { take(isa, tree, node, &distances, slot) };
                 let mut rest = mask & (mask - 1);
                 if !ORDERED {
                     while rest != 0 {
-                        let child = children[first(rest)];
+                        // SAFETY: as above.
+                        let child = unsafe { tree.child(node, first(rest) as u32) };
                         rest &= rest - 1;
                         stack.set(top, Entry { key: 0, child });
                         top += 1;
@@ -178,7 +180,8 @@ pub(crate) unsafe fn walk<I: Isa, C: Count, const ORDERED: bool>(
                 } else if rest != 0 {
                     let other_slot = first(rest);
                     rest &= rest - 1;
-                    let mut other = take(isa, tree, children, &distances, other_slot);
+                    // SAFETY: as above.
+                    let mut other = unsafe { take(isa, tree, node, &distances, other_slot) };
                     if distances[other_slot] < distances[slot] {
                         std::mem::swap(&mut other, &mut nearest);
                     }
@@ -186,7 +189,8 @@ pub(crate) unsafe fn walk<I: Isa, C: Count, const ORDERED: bool>(
                     stack.set(top, other);
                     top += 1;
                     while rest != 0 {
-                        let entry = take(isa, tree, children, &distances, first(rest));
+                        // SAFETY: as above.
+                        let entry = unsafe { take(isa, tree, node, &distances, first(rest)) };
                         rest &= rest - 1;
                         // SAFETY: entries from `base` to `top` were set above.
                         nearest = unsafe { stack.insert(base, top, nearest, entry) };
