@@ -4,7 +4,7 @@
 use std::arch::x86_64::*;
 
 use crate::{
-    Boxes8, Isa, Kernel, LEAF_WORDS, Nearest, QuantizedNode8, ShearRay, SlabRay, TriangleHits,
+    Boxes8, Isa, Kernel, Nearest, QuantizedNode8, ShearRay, SlabRay, TriangleHits, TriangleRows,
     Triangles4,
     isa::SLOT,
     x86::{self, EightBoxes, Node},
@@ -163,9 +163,35 @@ impl Isa for Avx512 {
     }
 
     #[inline(always)]
-    fn expand4(self, leaf: &[u32; LEAF_WORDS], count: usize, unused: u32) -> Triangles4 {
+    fn expand4(self, rows: TriangleRows<'_>, unused: u32) -> Triangles4 {
         // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { x86::expand4(leaf, count, unused) }
+        unsafe { x86::expand4(rows, unused) }
+    }
+
+    #[inline(always)]
+    fn rows_triangles4(
+        self,
+        rows: TriangleRows<'_>,
+        ray: &ShearRay,
+        t_min: f32,
+        t_max: f32,
+        hits: &mut TriangleHits,
+    ) -> u32 {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { x86::triangles4(rows, ray, t_min, t_max, hits) }
+    }
+
+    #[inline(always)]
+    fn rows_nearest4(
+        self,
+        rows: TriangleRows<'_>,
+        ray: &ShearRay,
+        t_min: f32,
+        t_max: f32,
+        keep: [u32; 2],
+    ) -> Nearest {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { x86::nearest4(rows, ray, t_min, t_max, keep) }
     }
 
     group_methods!(F16);

@@ -60,6 +60,51 @@ impl QuantizedNode8 {
     }
 }
 
+/// A compressed leaf of one to four triangles: ten rows of as many words, nine of coordinates as in
+/// [`Triangles4`] and one of ids.
+#[derive(Clone, Copy, Debug)]
+pub struct TriangleRows<'a> {
+    words: &'a [u32; LEAF_WORDS],
+    count: usize,
+}
+
+impl<'a> TriangleRows<'a> {
+    /// The leaf at the start of some words, of which no more than belong to it have a meaning; `count`
+    /// beyond one to four is taken as the nearest of these.
+    #[inline(always)]
+    pub fn new(words: &'a [u32; LEAF_WORDS], count: usize) -> Self {
+        Self { words, count: count.clamp(1, 4) }
+    }
+
+    /// How many triangles there are.
+    #[inline(always)]
+    pub fn count(self) -> usize {
+        self.count
+    }
+
+    /// The rows.
+    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
+    pub(crate) fn words(self) -> &'a [u32; LEAF_WORDS] {
+        self.words
+    }
+
+    /// The corners of a triangle.
+    #[inline(always)]
+    pub fn corners(self, lane: usize) -> [[f32; 3]; 3] {
+        let row =
+            |row: usize| f32::from_bits(self.words[(row * self.count + lane % 4) % LEAF_WORDS]);
+        let corner = |i: usize| [row(3 * i), row(3 * i + 1), row(3 * i + 2)];
+        [corner(0), corner(1), corner(2)]
+    }
+
+    /// The id of a triangle.
+    #[inline(always)]
+    pub fn id(self, lane: usize) -> u32 {
+        self.words[(9 * self.count + lane % 4) % LEAF_WORDS]
+    }
+}
+
 /// [`crate::Isa::expand8`].
 #[inline(always)]
 pub(crate) fn expand8(node: &QuantizedNode8) -> (Boxes8, [u32; 8]) {
@@ -76,16 +121,15 @@ pub(crate) fn expand8(node: &QuantizedNode8) -> (Boxes8, [u32; 8]) {
 
 /// [`crate::Isa::expand4`].
 #[inline(always)]
-pub(crate) fn expand4(leaf: &[u32; LEAF_WORDS], count: usize, unused: u32) -> Triangles4 {
+pub(crate) fn expand4(rows: TriangleRows<'_>, unused: u32) -> Triangles4 {
     let mut block = Triangles4 { vertices: [[[UNUSED; 4]; 3]; 3], ids: [unused; 4] };
-    for lane in 0..count.min(4) {
-        for corner in 0..3 {
-            for axis in 0..3 {
-                let row = 3 * corner + axis;
-                block.vertices[corner][axis][lane] = f32::from_bits(leaf[row * count + lane]);
+    for lane in 0..rows.count {
+        for (vertices, corner) in block.vertices.iter_mut().zip(rows.corners(lane)) {
+            for (row, x) in vertices.iter_mut().zip(corner) {
+                row[lane] = x;
             }
         }
-        block.ids[lane] = leaf[9 * count + lane];
+        block.ids[lane] = rows.id(lane);
     }
     block
 }
@@ -106,7 +150,7 @@ mod tests {
         #[inline(always)]
         fn run<I: Isa>(self, isa: I) -> Self::Output {
             let (boxes, children) = isa.expand8(self.0);
-            (boxes, children, isa.expand4(self.1, self.2, 7))
+            (boxes, children, isa.expand4(TriangleRows::new(self.1, self.2), 7))
         }
     }
 
@@ -128,8 +172,11 @@ mod tests {
                     let block: [u32; 40] = bytemuck::cast(block);
                     (boxes, children, block)
                 };
-                let expected =
-                    words((expand8(&node).0, expand8(&node).1, expand4(&leaf, count, 7)));
+                let expected = words((
+                    expand8(&node).0,
+                    expand8(&node).1,
+                    expand4(TriangleRows::new(&leaf, count), 7),
+                ));
                 for level in IsaLevel::available() {
                     let found = words(level.dispatch(Expand(&node, &leaf, count)));
                     assert!(found == expected, "{}", level.name());

@@ -1,8 +1,8 @@
 //! The token of an instruction set and the kernels that run under it.
 
 use crate::{
-    Boxes8, Extent16, Frustum, Group16, GroupAxes, LEAF_WORDS, Nearest, Preparation16,
-    QuantizedNode8, Question16, Rays16, Row16, ShearRay, SlabRay, TriangleHits, Triangles4,
+    Boxes8, Extent16, Frustum, Group16, GroupAxes, Nearest, Preparation16, QuantizedNode8,
+    Question16, Rays16, Row16, ShearRay, SlabRay, TriangleHits, TriangleRows, Triangles4,
     compressed, group,
 };
 
@@ -176,12 +176,36 @@ pub trait Isa: Copy + Send + Sync + std::fmt::Debug + 'static {
         compressed::expand8(node)
     }
 
-    /// The triangles of a compressed leaf of `count` triangles, one to four: ten rows of `count`
-    /// words, nine of coordinates as in [`Triangles4`] and one of ids. Lanes without a triangle get
-    /// NaN, and `unused` for an id.
+    /// The triangles of a compressed leaf. Lanes without one get NaN, and `unused` for an id.
     #[inline(always)]
-    fn expand4(self, leaf: &[u32; LEAF_WORDS], count: usize, unused: u32) -> Triangles4 {
-        compressed::expand4(leaf, count, unused)
+    fn expand4(self, rows: TriangleRows<'_>, unused: u32) -> Triangles4 {
+        compressed::expand4(rows, unused)
+    }
+
+    /// [`Isa::triangles4`] of a compressed leaf.
+    #[inline(always)]
+    fn rows_triangles4(
+        self,
+        rows: TriangleRows<'_>,
+        ray: &ShearRay,
+        t_min: f32,
+        t_max: f32,
+        hits: &mut TriangleHits,
+    ) -> u32 {
+        self.triangles4(&self.expand4(rows, 0), ray, t_min, t_max, hits)
+    }
+
+    /// [`Isa::nearest4`] of a compressed leaf.
+    #[inline(always)]
+    fn rows_nearest4(
+        self,
+        rows: TriangleRows<'_>,
+        ray: &ShearRay,
+        t_min: f32,
+        t_max: f32,
+        keep: [u32; 2],
+    ) -> Nearest {
+        self.nearest4(&self.expand4(rows, 0), ray, t_min, t_max, keep)
     }
 
     /// Puts sixteen rays side by side, each given as origin, `t_min`, direction, `t_max`.

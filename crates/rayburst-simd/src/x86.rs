@@ -8,8 +8,9 @@
 use std::arch::x86_64::*;
 
 use crate::{
-    Boxes8, LEAF_WORDS, Nearest, QuantizedNode8, ShearRay, SlabRay, TriangleHits, Triangles4,
-    triangles::{LARGE, SMALL, decide_exactly},
+    Boxes8, LEAF_WORDS, Nearest, QuantizedNode8, ShearRay, SlabRay, TriangleHits, TriangleRows,
+    Triangles4,
+    triangles::{self, LARGE, SMALL, decide_exactly},
 };
 
 /// Eight boxes, in either form.
@@ -187,21 +188,81 @@ pub(crate) unsafe fn least8(keys: __m256i) -> u32 {
     }
 }
 
+/// Up to four triangles, in either form.
+pub(crate) trait FourTriangles: Copy {
+    /// A coordinate of a corner in all lanes; `row` is sixteen times the axis.
+    ///
+    /// # Safety
+    /// The CPU must have AVX2 and FMA; `corner` must be less than three and `row` at most 32.
+    unsafe fn row(self, corner: usize, row: usize) -> __m128;
+
+    /// Lanes that hold no triangle but something else.
+    ///
+    /// # Safety
+    /// The CPU must have AVX2 and FMA.
+    unsafe fn unused(self) -> __m128;
+
+    /// The corners of the triangle in one lane.
+    fn corners(self, lane: usize) -> [[f32; 3]; 3];
+}
+
+impl FourTriangles for &Triangles4 {
+    #[inline(always)]
+    unsafe fn row(self, corner: usize, row: usize) -> __m128 {
+        debug_assert!(row <= 32);
+        // SAFETY: the caller's promise; each row of four lanes starts at a multiple of 16 bytes of a
+        // structure of alignment 32.
+        unsafe { _mm_load_ps(self.vertices.as_ptr().add(corner).byte_add(row).cast()) }
+    }
+
+    #[inline(always)]
+    unsafe fn unused(self) -> __m128 {
+        // SAFETY: the caller's promise.
+        unsafe { _mm_setzero_ps() }
+    }
+
+    #[inline(always)]
+    fn corners(self, lane: usize) -> [[f32; 3]; 3] {
+        triangles::corners(self, lane)
+    }
+}
+
+impl FourTriangles for TriangleRows<'_> {
+    #[inline(always)]
+    unsafe fn row(self, corner: usize, row: usize) -> __m128 {
+        let byte = corner * (12 * self.count()) + (row / 4) * self.count();
+        debug_assert!(byte + 16 <= 4 * LEAF_WORDS);
+        // SAFETY: the caller's promise; row 8 of at most four words is followed by another.
+        unsafe { _mm_loadu_ps(self.words().as_ptr().byte_add(byte).cast()) }
+    }
+
+    #[inline(always)]
+    unsafe fn unused(self) -> __m128 {
+        // SAFETY: the caller's promise.
+        unsafe {
+            let (count, lanes) = (self.count() as i32 - 1, _mm_setr_epi32(0, 1, 2, 3));
+            _mm_castsi128_ps(_mm_cmpgt_epi32(lanes, _mm_set1_epi32(count)))
+        }
+    }
+
+    #[inline(always)]
+    fn corners(self, lane: usize) -> [[f32; 3]; 3] {
+        TriangleRows::corners(self, lane)
+    }
+}
+
 /// Edge functions and the scaled distance of each lane.
 ///
 /// # Safety
 /// The CPU must have AVX2 and FMA.
 #[inline(always)]
-pub(crate) unsafe fn edges4(block: &Triangles4, ray: &ShearRay) -> [__m128; 4] {
+pub(crate) unsafe fn edges4<T: FourTriangles>(triangles: T, ray: &ShearRay) -> [__m128; 4] {
     // SAFETY: the caller's promise; what is loaded and stored is said below.
     unsafe {
         let (origin, rows, shear) = (ray.origin(), ray.rows(), ray.shear());
         let relative = |corner: usize, k: usize| {
-            debug_assert!(rows[k] + 16 <= 48);
-            // `ShearRay` holds starts of three rows; each row of four lanes starts at a
-            // multiple of 16 bytes of a structure of alignment 32.
-            let row = _mm_load_ps(block.vertices.as_ptr().add(corner).byte_add(rows[k]).cast());
-            _mm_sub_ps(row, _mm_set1_ps(origin[k]))
+            // `ShearRay` holds starts of three rows.
+            _mm_sub_ps(triangles.row(corner, rows[k]), _mm_set1_ps(origin[k]))
         };
         let sheared = |corner: usize| {
             let z = relative(corner, 2);
@@ -219,20 +280,23 @@ pub(crate) unsafe fn edges4(block: &Triangles4, ray: &ShearRay) -> [__m128; 4] {
     }
 }
 
-/// Of edge functions: determinants, lanes whose signs are mixed, and of the others those that must
-/// be decided exactly.
+/// Of edge functions: determinants, lanes whose signs are mixed or that are `unused`, and of the others
+/// those that must be decided exactly.
 ///
 /// # Safety
 /// The CPU must have AVX2 and FMA.
 #[inline(always)]
-pub(crate) unsafe fn decide4([u, v, w, _]: [__m128; 4]) -> (__m128, __m128, __m128) {
+pub(crate) unsafe fn decide4(
+    [u, v, w, _]: [__m128; 4],
+    unused: __m128,
+) -> (__m128, __m128, __m128) {
     // SAFETY: the caller's promise; what is loaded and stored is said below.
     unsafe {
         let zero = _mm_setzero_ps();
         let least = _mm_min_ps(_mm_min_ps(u, v), w);
         let greatest = _mm_max_ps(_mm_max_ps(u, v), w);
         let signs = _mm_mul_ps(least, greatest);
-        let mixed = _mm_cmplt_ps(signs, zero);
+        let mixed = _mm_or_ps(_mm_cmplt_ps(signs, zero), unused);
         let det = _mm_add_ps(_mm_add_ps(u, v), w);
         let size = _mm_andnot_ps(_mm_set1_ps(-0.0), det);
         let delicate = _mm_or_ps(
@@ -261,8 +325,8 @@ pub(crate) unsafe fn within4(t: __m128, t_min: f32, t_max: f32) -> __m128 {
 /// # Safety
 /// The CPU must have AVX2 and FMA.
 #[inline(always)]
-pub(crate) unsafe fn triangles4(
-    block: &Triangles4,
+pub(crate) unsafe fn triangles4<T: FourTriangles>(
+    triangles: T,
     ray: &ShearRay,
     t_min: f32,
     t_max: f32,
@@ -270,8 +334,8 @@ pub(crate) unsafe fn triangles4(
 ) -> u32 {
     // SAFETY: the caller's promise; what is loaded and stored is said below.
     unsafe {
-        let edges = edges4(block, ray);
-        let (det, mixed, exact) = decide4(edges);
+        let edges = edges4(triangles, ray);
+        let (det, mixed, exact) = decide4(edges, triangles.unused());
         let [_, v, w, scaled] = edges;
         let t = _mm_div_ps(scaled, det);
         let inside = within4(t, t_min, t_max);
@@ -288,7 +352,7 @@ pub(crate) unsafe fn triangles4(
         hits.front = _mm_movemask_ps(_mm_cmpgt_ps(det, _mm_setzero_ps())) as u32;
         while exact != 0 {
             let lane = exact.trailing_zeros() as usize;
-            decide_exactly(block, ray, lane, t_min, t_max, hits);
+            decide_exactly(&triangles.corners(lane), ray, lane, t_min, t_max, hits);
             exact &= exact - 1;
         }
         hits.mask
@@ -300,8 +364,8 @@ pub(crate) unsafe fn triangles4(
 /// # Safety
 /// The CPU must have AVX2 and FMA.
 #[inline(always)]
-pub(crate) unsafe fn nearest4(
-    block: &Triangles4,
+pub(crate) unsafe fn nearest4<T: FourTriangles>(
+    triangles: T,
     ray: &ShearRay,
     t_min: f32,
     t_max: f32,
@@ -309,8 +373,8 @@ pub(crate) unsafe fn nearest4(
 ) -> Nearest {
     // SAFETY: the caller's promise; what is loaded and stored is said below.
     unsafe {
-        let edges = edges4(block, ray);
-        let (det, mixed, exact) = decide4(edges);
+        let edges = edges4(triangles, ray);
+        let (det, mixed, exact) = decide4(edges, triangles.unused());
         let t = _mm_div_ps(edges[3], det);
         let lanes = |keep: u32| _mm_castsi128_ps(_mm_set1_epi32(keep as i32));
         let counter_clockwise = _mm_cmpgt_ps(det, _mm_setzero_ps());
@@ -372,24 +436,22 @@ pub(crate) unsafe fn expand8(node: &QuantizedNode8) -> (Boxes8, [u32; 8]) {
 /// # Safety
 /// The CPU must have AVX2 and FMA.
 #[inline(always)]
-pub(crate) unsafe fn expand4(leaf: &[u32; LEAF_WORDS], count: usize, unused: u32) -> Triangles4 {
+pub(crate) unsafe fn expand4(rows: TriangleRows<'_>, unused: u32) -> Triangles4 {
     // SAFETY: the caller's promise; the last row starts at word `9 · count`, at most 36, and four
     // words from there are in the leaf. The arrays have four lanes.
     unsafe {
-        let count = if count < 4 { count } else { 4 };
-        let lanes = _mm_setr_epi32(0, 1, 2, 3);
-        let used = _mm_cmpgt_epi32(_mm_set1_epi32(count as i32), lanes);
-        let row = |row: usize| _mm_loadu_si128(leaf.as_ptr().add(row * count).cast());
+        let empty = _mm_castps_si128(rows.unused());
+        let start = rows.words().as_ptr();
+        let row = |row: usize| _mm_loadu_si128(start.add(row * rows.count()).cast());
         let mut block = Triangles4 { vertices: [[[0.0; 4]; 3]; 3], ids: [0; 4] };
-        let rows: *mut [f32; 4] = block.vertices.as_mut_ptr().cast();
+        let to: *mut [f32; 4] = block.vertices.as_mut_ptr().cast();
         let mut i = 0;
         while i < 9 {
             // Unused lanes become the NaN of all bits.
-            let vertices = _mm_or_si128(row(i), _mm_andnot_si128(used, _mm_set1_epi32(-1)));
-            _mm_store_si128(rows.add(i).cast(), vertices);
+            _mm_store_si128(to.add(i).cast(), _mm_or_si128(row(i), empty));
             i += 1;
         }
-        let ids = _mm_blendv_epi8(_mm_set1_epi32(unused as i32), row(9), used);
+        let ids = _mm_blendv_epi8(row(9), _mm_set1_epi32(unused as i32), empty);
         _mm_storeu_si128(block.ids.as_mut_ptr().cast(), ids);
         block
     }

@@ -233,7 +233,7 @@ impl Bvh8 {
     pub(crate) fn block(&self, value: u32) -> Triangles4 {
         let mut room = BlockRoom::new();
         // SAFETY: callers take values from the leaves of the tree.
-        *unsafe { self.view().block(Scalar, value, &mut room) }
+        *unsafe { self.view().leaf(value) }.block(Scalar, &mut room)
     }
 }
 

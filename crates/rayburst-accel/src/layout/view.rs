@@ -5,7 +5,10 @@
 
 use std::mem::MaybeUninit;
 
-use rayburst_simd::{Boxes8, Isa, LEAF_WORDS, QuantizedNode8, SlabRay, Triangles4, UNIT_WORDS};
+use rayburst_simd::{
+    Boxes8, Isa, LEAF_WORDS, Nearest, QuantizedNode8, ShearRay, SlabRay, TriangleHits,
+    TriangleRows, Triangles4, UNIT_WORDS, corners,
+};
 
 use super::{
     bvh8::{Node8, Reference},
@@ -213,23 +216,108 @@ impl TreeView {
     /// # Safety
     /// The value must be that of a leaf of the tree, which must live as long as the result.
     #[inline(always)]
-    pub(crate) unsafe fn block<I: Isa>(
-        self,
-        isa: I,
-        value: u32,
-        room: &mut BlockRoom,
-    ) -> &Triangles4 {
+    pub(crate) unsafe fn leaf<'a>(self, value: u32) -> Leaf<'a> {
         let address = self.of_value(value);
         if self.compressed {
             debug_assert!(address.cast::<u32>().is_aligned());
-            let count = (value & 3) as usize + 1;
             // SAFETY: writers put the leaf there, and left room for the longest one behind the last.
-            let leaf = unsafe { &*address.cast::<[u32; LEAF_WORDS]>() };
-            room.0.write(isa.expand4(leaf, count, TriangleId::NONE.word()))
+            let words = unsafe { &*address.cast::<[u32; LEAF_WORDS]>() };
+            Leaf::Rows(TriangleRows::new(words, (value & 3) as usize + 1))
         } else {
             debug_assert!(address.cast::<Triangles4>().is_aligned());
             // SAFETY: writers put a block there; every bit pattern is one.
-            unsafe { &*address.cast::<Triangles4>() }
+            Leaf::Block(unsafe { &*address.cast::<Triangles4>() })
+        }
+    }
+}
+
+/// The triangles of a leaf, in either layout.
+#[derive(Clone, Copy)]
+pub(crate) enum Leaf<'a> {
+    /// Of the wide one.
+    Block(&'a Triangles4),
+    /// Of the compressed one.
+    Rows(TriangleRows<'a>),
+}
+
+impl<'a> Leaf<'a> {
+    /// [`Isa::triangles4`].
+    #[inline(always)]
+    pub(crate) fn triangles4<I: Isa>(
+        self,
+        isa: I,
+        ray: &ShearRay,
+        span: &Span,
+        hits: &mut TriangleHits,
+    ) -> u32 {
+        match self {
+            Self::Block(block) => isa.triangles4(block, ray, span.t_min, span.t_max, hits),
+            Self::Rows(rows) => isa.rows_triangles4(rows, ray, span.t_min, span.t_max, hits),
+        }
+    }
+
+    /// [`Isa::nearest4`].
+    #[inline(always)]
+    pub(crate) fn nearest4<I: Isa>(
+        self,
+        isa: I,
+        ray: &ShearRay,
+        span: &Span,
+        keep: [u32; 2],
+    ) -> Nearest {
+        match self {
+            Self::Block(block) => isa.nearest4(block, ray, span.t_min, span.t_max, keep),
+            Self::Rows(rows) => isa.rows_nearest4(rows, ray, span.t_min, span.t_max, keep),
+        }
+    }
+
+    /// What is in a lane; of a compressed leaf only in one with a triangle.
+    #[inline(always)]
+    pub(crate) fn id(self, lane: usize) -> TriangleId {
+        match self {
+            Self::Block(block) => TriangleId::of_lane(block, lane),
+            Self::Rows(rows) => TriangleId::of_word(rows.id(lane)),
+        }
+    }
+
+    /// The corners of the triangle in a lane.
+    #[inline(always)]
+    pub(crate) fn corners(self, lane: usize) -> [[f32; 3]; 3] {
+        match self {
+            Self::Block(block) => corners(block, lane),
+            Self::Rows(rows) => rows.corners(lane),
+        }
+    }
+
+    /// Lanes whose triangles are not opaque, as bits.
+    #[inline(always)]
+    pub(crate) fn translucent_lanes(self) -> u32 {
+        match self {
+            Self::Block(block) => TriangleId::translucent_lanes(block),
+            Self::Rows(rows) => (0..rows.count()).fold(0, |lanes, lane| {
+                lanes | u32::from(!TriangleId::of_word(rows.id(lane)).is_opaque()) << lane
+            }),
+        }
+    }
+
+    /// How many lanes hold triangles: the first ones.
+    #[inline(always)]
+    pub(crate) fn used_lanes(self) -> u32 {
+        match self {
+            Self::Block(block) => TriangleId::used_lanes(block),
+            Self::Rows(rows) => rows.count() as u32,
+        }
+    }
+
+    /// The triangles as a block.
+    #[inline(always)]
+    pub(crate) fn block<'b, I: Isa>(self, isa: I, room: &'b mut BlockRoom) -> &'b Triangles4
+    where
+        'a: 'b,
+    {
+        match self {
+            Self::Block(block) => block,
+            Self::Rows(rows) => room.0.write(isa.expand4(rows, TriangleId::NONE.word())),
         }
     }
 }

@@ -1,8 +1,6 @@
 //! Counting what a traversal visits, at no cost when nobody asks.
 
-use rayburst_simd::Triangles4;
-
-use crate::{Counters, layout::triangles::TriangleId};
+use crate::{Counters, layout::view::Leaf};
 
 /// Something that hears of every visit.
 pub(crate) trait Count: Copy + Default {
@@ -10,7 +8,7 @@ pub(crate) trait Count: Copy + Default {
     const ACTIVE: bool;
 
     fn node(&mut self);
-    fn leaf(&mut self, block: &Triangles4);
+    fn leaf(&mut self, leaf: Leaf<'_>);
     fn instance(&mut self);
 }
 
@@ -24,7 +22,7 @@ impl Count for NoCount {
     #[inline(always)]
     fn node(&mut self) {}
     #[inline(always)]
-    fn leaf(&mut self, _: &Triangles4) {}
+    fn leaf(&mut self, _: Leaf<'_>) {}
     #[inline(always)]
     fn instance(&mut self) {}
 }
@@ -37,9 +35,9 @@ impl Count for Counters {
         self.nodes += 1;
     }
     #[inline(always)]
-    fn leaf(&mut self, block: &Triangles4) {
+    fn leaf(&mut self, leaf: Leaf<'_>) {
         self.leaves += 1;
-        self.triangles += TriangleId::used_lanes(block);
+        self.triangles += leaf.used_lanes();
     }
     #[inline(always)]
     fn instance(&mut self) {

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use rayburst_math::{Hit, HitKind, Ray};
-use rayburst_simd::{Isa, Scalar, TriangleHits, Triangles4, barycentric};
+use rayburst_simd::{Isa, TriangleHits, barycentric};
 
 use super::{
     count::Count,
@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{
     Blas, CandidateFilter, Cull, InstanceFlags, TraceOptions,
-    layout::{triangles::TriangleId, view::BlockRoom},
+    layout::{triangles::TriangleId, view::Leaf},
 };
 
 /// A query, asked whether it wants the triangles that a ray meets.
@@ -101,11 +101,11 @@ impl<'a> Place<'a> {
 
     /// Of lanes, those that the filter has a say in.
     #[inline(always)]
-    pub(crate) fn translucent(&self, block: &Triangles4) -> u32 {
+    pub(crate) fn translucent(&self, leaf: Leaf<'_>) -> u32 {
         match self.force_opaque {
             Some(true) => 0,
             Some(false) => u32::MAX,
-            None => TriangleId::translucent_lanes(block),
+            None => leaf.translucent_lanes(),
         }
     }
 
@@ -167,20 +167,19 @@ pub(crate) fn test_leaf<I: Isa, Q: OneHit, F: CandidateFilter, C: Count>(
     query: &mut Q,
     count: &mut C,
 ) -> ControlFlow<()> {
-    let mut room = BlockRoom::new();
     // SAFETY: values of a BLAS' leaves come from writers of its tree.
-    let block = unsafe { place.blas.tree.view().block(isa, value, &mut room) };
-    count.leaf(block);
-    let nearest = isa.nearest4(block, &ray.shear, span.t_min, span.t_max, place.keep);
+    let leaf = unsafe { place.blas.tree.view().leaf(value) };
+    count.leaf(leaf);
+    let nearest = leaf.nearest4(isa, &ray.shear, span, place.keep);
     let mut plain = !nearest.doubtful & (nearest.t != span.t_max);
     // Distances that the ray's units cannot express exactly.
     plain &= nearest.t.abs() >= ray.smallest();
     if F::ACTIVE {
-        plain &= nearest.mask & place.translucent(block) == 0;
+        plain &= nearest.mask & place.translucent(leaf) == 0;
     }
     if !plain {
         query.settle(place, ray, span);
-        return test_each(isa, place, ray, block, asker, span, query);
+        return test_each(isa, place, ray, leaf, asker, span, query);
     }
     let hit = nearest.mask != 0;
     if Q::ORDERED {
@@ -206,32 +205,31 @@ pub(crate) fn settle_candidate(
     t: f32,
 ) -> Candidate {
     let (value, lane) = ((pending.0 >> 2) as u32, pending.0 as usize % 4);
-    let mut room = BlockRoom::new();
     // SAFETY: the value is one that `test_leaf` had.
-    let block = unsafe { place.blas.tree.view().block(Scalar, value, &mut room) };
-    let (u, v, counter_clockwise) = barycentric(block, &ray.shear, lane);
+    let leaf = unsafe { place.blas.tree.view().leaf(value) };
+    let (u, v, counter_clockwise) = barycentric(&leaf.corners(lane), &ray.shear);
     Candidate {
         t: ray.external(t),
         u,
         v,
-        triangle: TriangleId::of_lane(block, lane).triangle(),
+        triangle: leaf.id(lane).triangle(),
         front: place.front(u32::from(counter_clockwise)) & 1 != 0,
     }
 }
 
-/// Offers a query one by one the triangles of a block that a ray meets.
+/// Offers a query one by one the triangles of a leaf that a ray meets.
 #[inline(always)]
 pub(crate) fn test_each<I: Isa, Q: Query, F: CandidateFilter>(
     isa: I,
     place: &Place<'_>,
     ray: &PreparedRay,
-    block: &Triangles4,
+    leaf: Leaf<'_>,
     asker: &Asker<'_, F>,
     span: &mut Span,
     query: &mut Q,
 ) -> ControlFlow<()> {
     let mut hits = TriangleHits::NONE;
-    let mut mask = isa.triangles4(block, &ray.shear, span.t_min, span.t_max, &mut hits);
+    let mut mask = leaf.triangles4(isa, &ray.shear, span, &mut hits);
     if mask == 0 {
         return ControlFlow::Continue(());
     }
@@ -240,7 +238,7 @@ pub(crate) fn test_each<I: Isa, Q: Query, F: CandidateFilter>(
     while mask != 0 {
         let lane = mask.trailing_zeros() as usize % 4;
         mask &= mask - 1;
-        let id = TriangleId::of_lane(block, lane);
+        let id = leaf.id(lane);
         let t = without_sign_of_zero(hits.t[lane]);
         let candidate = Candidate {
             t: ray.external(t),
@@ -304,10 +302,9 @@ struct Blocks<'a, 'b, I, F, Q> {
 impl<I: Isa, F: CandidateFilter, Q: Query, C: Count> Leaves<C> for Blocks<'_, '_, I, F, Q> {
     #[inline(always)]
     fn visit(&mut self, value: u32, span: &mut Span, count: &mut C) -> ControlFlow<()> {
-        let (mut room, tree) = (BlockRoom::new(), self.place.blas.tree.view());
         // SAFETY: values of a BLAS' leaves come from writers of its tree.
-        let block = unsafe { tree.block(self.isa, value, &mut room) };
-        count.leaf(block);
-        test_each(self.isa, self.place, self.ray, block, self.asker, span, self.query)
+        let leaf = unsafe { self.place.blas.tree.view().leaf(value) };
+        count.leaf(leaf);
+        test_each(self.isa, self.place, self.ray, leaf, self.asker, span, self.query)
     }
 }

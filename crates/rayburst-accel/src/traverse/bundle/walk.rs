@@ -3,7 +3,7 @@
 use std::{mem::MaybeUninit, ops::ControlFlow};
 
 use rayburst_math::Ray;
-use rayburst_simd::{GROUP, Isa, Kernel, Question16, Triangles4};
+use rayburst_simd::{GROUP, Isa, Kernel, Question16};
 
 use super::{
     super::{
@@ -21,7 +21,7 @@ use crate::{
     layout::{
         bvh8::Reference,
         triangles::{BLOCK, TriangleId},
-        view::{BlockRoom, NodeRoom},
+        view::{BlockRoom, Leaf, NodeRoom},
     },
     structure::{Structure, Tracer},
 };
@@ -150,13 +150,12 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
         let tree = self.place.blas.tree.view();
         let (mut node_room, mut block_room) = (NodeRoom::new(), BlockRoom::new());
         // SAFETY: the reference and the value come from the tree, which the place borrows.
-        let ((parent, _), block) = unsafe {
-            let parent = tree.node(isa, entry.parent, &mut node_room);
-            (parent, tree.block(isa, value, &mut block_room))
-        };
+        let ((parent, _), stored) =
+            unsafe { (tree.node(isa, entry.parent, &mut node_room), tree.leaf(value)) };
+        let block = stored.block(isa, &mut block_room);
         let slot = entry.place as usize / GROUPS % 8;
         let from = entry.place as usize % GROUPS;
-        let general = F::ACTIVE && self.place.translucent(block) != 0;
+        let general = F::ACTIVE && self.place.translucent(stored) != 0;
         for g in from..GROUPS {
             let mut changed = false;
             let group = &mut bundle.groups[g];
@@ -165,7 +164,7 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
                 continue;
             }
             if C::ACTIVE {
-                self.count(g, rays, |count| count.leaf(block));
+                self.count(g, rays, |count| count.leaf(stored));
             }
             let mut doubtful = rays;
             if !general {
@@ -201,7 +200,7 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
             }
             while doubtful != 0 {
                 let lane = take_bit(&mut doubtful) as usize % GROUP;
-                changed |= self.ask::<Q>(bundle, g, lane, block);
+                changed |= self.ask::<Q>(bundle, g, lane, stored);
             }
             if changed {
                 bundle.shorten(isa, g);
@@ -232,13 +231,13 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
         }
     }
 
-    /// Tests one ray against a block; says whether that changed anything.
+    /// Tests one ray against a leaf; says whether that changed anything.
     fn ask<Q: OneHit>(
         &mut self,
         bundle: &mut Bundle,
         g: usize,
         lane: usize,
-        block: &Triangles4,
+        leaf: Leaf<'_>,
     ) -> bool {
         let index = self.first + g * GROUP + lane;
         let ray = &self.rays[index];
@@ -251,7 +250,7 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
         let asker = Asker { filter: self.tracer.filter, ray, index: index as u32 };
         let place = self.place;
         let (query, span) =
-            self.tracer.isa.vectorize(AskOne { place, block, prepared, asker, query, span });
+            self.tracer.isa.vectorize(AskOne { place, leaf, prepared, asker, query, span });
         let Some(found) = query.found() else {
             return false;
         };
@@ -275,10 +274,10 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
     }
 }
 
-/// A ray that is tested against a block by itself. A kernel, so that it stays out of the loops.
+/// A ray that is tested against a leaf by itself. A kernel, so that it stays out of the loops.
 struct AskOne<'a, F, Q> {
     place: &'a Place<'a>,
-    block: &'a Triangles4,
+    leaf: Leaf<'a>,
     prepared: PreparedRay,
     asker: Asker<'a, F>,
     query: Q,
@@ -290,9 +289,9 @@ impl<F: CandidateFilter, Q: OneHit> Kernel for AskOne<'_, F, Q> {
 
     #[inline(always)]
     fn run<I: Isa>(mut self, isa: I) -> (Q, Span) {
-        let Self { place, block, prepared, asker, query, span } = &mut self;
+        let Self { place, leaf, prepared, asker, query, span } = &mut self;
         // Whether the search ended is in the query.
-        let _ = test_each(isa, place, prepared, block, asker, span, query);
+        let _ = test_each(isa, place, prepared, *leaf, asker, span, query);
         (self.query, self.span)
     }
 }
