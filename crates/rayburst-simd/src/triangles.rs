@@ -138,8 +138,8 @@ pub(crate) fn sheared(
 /// The barycentric coordinates of the second and the third corner where a ray meets the triangle of
 /// one lane, and whether that winds counter-clockwise seen from the origin.
 ///
-/// Meaningful, and with the bits of [`crate::Isa::triangles4`], only if [`crate::Isa::nearest4`] found
-/// that the ray meets the triangle beyond doubt. One lane of a block is less work than four.
+/// Has the bits of [`crate::Isa::triangles4`], and is meaningful only if the ray meets the triangle. One
+/// lane of a block is less work than four.
 #[inline(always)]
 pub fn barycentric(block: &Triangles4, ray: &ShearRay, lane: usize) -> (f32, f32, bool) {
     let [x, y, z] = ray.axes();
@@ -156,6 +156,13 @@ pub fn barycentric(block: &Triangles4, ray: &ShearRay, lane: usize) -> (f32, f32
     let v = ax * cy - ay * cx;
     let w = bx * ay - by * ax;
     let det = u + v + w;
+    let size = det.abs();
+    let signs = u.min(v).min(w) * u.max(v).max(w);
+    if signs == 0.0 || !(SMALL..=LARGE).contains(&size) {
+        let mut hits = TriangleHits::NONE;
+        decide_exactly(block, ray, lane % 4, f32::NEG_INFINITY, f32::INFINITY, &mut hits);
+        return (hits.u[lane % 4], hits.v[lane % 4], hits.front >> (lane % 4) & 1 != 0);
+    }
     (v / det, w / det, det > 0.0)
 }
 
