@@ -27,5 +27,5 @@ lists! {
     Builder: BinnedSah, SpatialSplits, Lbvh, Hlbvh, Ploc;
     Curve: Morton, Hilbert;
     Cull: None, Front, Back;
-    TraceMode: Auto, Single, Interleaved, Packet;
+    TraceMode: Auto, Single, Interleaved, Packet, Stream;
 }

@@ -148,6 +148,9 @@ impl<S: Structure, F: CandidateFilter, C: Count, A: Answers> Kernel for Batch<'_
     fn run<I: Isa>(mut self, isa: I) {
         let mut tracer = Tracer::new(isa, self.structure, self.options, self.filter);
         let mode = self.options.mode;
+        if C::ACTIVE {
+            self.counts.fill(C::default());
+        }
         if mode == TraceMode::Single || (mode == TraceMode::Auto && self.rays.len() < FEW) {
             for (index, (ray, count)) in self.rays.iter().zip(self.counts).enumerate() {
                 let mut query = A::begin(ray);

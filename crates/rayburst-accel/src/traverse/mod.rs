@@ -13,4 +13,5 @@ pub(crate) mod interleaved;
 pub(crate) mod nearest;
 pub(crate) mod prepare;
 pub(crate) mod query;
+pub(crate) mod stream;
 pub(crate) mod walk;

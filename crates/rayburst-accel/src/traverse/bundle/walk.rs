@@ -78,7 +78,14 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
                 }
                 if C::ACTIVE {
                     let from = current.place as usize % GROUPS;
-                    (from..GROUPS).for_each(|g| self.count(g, bundle.active[g], Count::node));
+                    let rays: u32 =
+                        bundle.active[from..].iter().map(|rays| rays.count_ones()).sum();
+                    let visit = |count: &mut C| {
+                        count.node();
+                        count.bundled();
+                        count.beside(rays - 1);
+                    };
+                    (from..GROUPS).for_each(|g| self.count(g, bundle.active[g], visit));
                 }
                 let node = tree.node(current.child);
                 let mut distances = [0.0; 8];
@@ -163,7 +170,10 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
                 continue;
             }
             if C::ACTIVE {
-                self.count(g, rays, |count| count.leaf(block));
+                self.count(g, rays, |count| {
+                    count.leaf(block);
+                    count.beside(rays.count_ones() - 1);
+                });
             }
             let mut doubtful = rays;
             if !general {
@@ -214,7 +224,6 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
     pub(super) fn begin_counts(&mut self, members: &[u32; GROUPS]) {
         for (g, &lanes) in members.iter().enumerate() {
             self.count(g, lanes, |count| {
-                *count = C::default();
                 if S::IS_INSTANCE {
                     count.instance();
                 }
