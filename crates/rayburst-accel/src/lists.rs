@@ -28,5 +28,5 @@ lists! {
     Curve: Morton, Hilbert;
     Layout: Wide, Compressed;
     Cull: None, Front, Back;
-    TraceMode: Auto, Single, Interleaved, Packet;
+    TraceMode: Auto, Single, Interleaved, Packet, Stream;
 }

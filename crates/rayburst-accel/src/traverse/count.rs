@@ -10,6 +10,10 @@ pub(crate) trait Count: Copy + Default {
     fn node(&mut self);
     fn leaf(&mut self, leaf: Leaf<'_>);
     fn instance(&mut self);
+    /// So many other rays were on their way at the last visit.
+    fn beside(&mut self, others: u32);
+    /// The last node was visited with a bundle.
+    fn bundled(&mut self);
 }
 
 /// Hears nothing.
@@ -25,6 +29,10 @@ impl Count for NoCount {
     fn leaf(&mut self, _: Leaf<'_>) {}
     #[inline(always)]
     fn instance(&mut self) {}
+    #[inline(always)]
+    fn beside(&mut self, _: u32) {}
+    #[inline(always)]
+    fn bundled(&mut self) {}
 }
 
 impl Count for Counters {
@@ -33,14 +41,24 @@ impl Count for Counters {
     #[inline(always)]
     fn node(&mut self) {
         self.nodes += 1;
+        self.in_flight += 1;
     }
     #[inline(always)]
     fn leaf(&mut self, leaf: Leaf<'_>) {
         self.leaves += 1;
+        self.in_flight += 1;
         self.triangles += leaf.used_lanes();
     }
     #[inline(always)]
     fn instance(&mut self) {
         self.instances += 1;
+    }
+    #[inline(always)]
+    fn beside(&mut self, others: u32) {
+        self.in_flight = self.in_flight.saturating_add(others);
+    }
+    #[inline(always)]
+    fn bundled(&mut self) {
+        self.packet_nodes += 1;
     }
 }

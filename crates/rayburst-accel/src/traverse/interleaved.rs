@@ -122,6 +122,12 @@ struct Sets {
 }
 
 impl Sets {
+    /// Flights in all of them.
+    #[inline(always)]
+    fn len(&self) -> u32 {
+        (self.inner | self.leaf | self.done).count_ones()
+    }
+
     /// Puts a flight where its next reference belongs.
     #[inline(always)]
     fn sort_in(&mut self, slot: u32, next: Reference) {
@@ -162,15 +168,27 @@ pub(crate) fn trace<'a, I: Isa, S: Structure, F: CandidateFilter, C: Count, A: A
         unsafe { pilot.start(slot as u32, &mut next, tracer, counts, answers, &mut sets) };
     }
     loop {
+        // Rays that are done make place for others: a round has about as many all the time.
+        let others = if C::ACTIVE { sets.len().saturating_sub(1) } else { 0 };
         let mut inner = std::mem::take(&mut sets.inner);
         while inner != 0 {
             // SAFETY: flights in sets were started, and each is in one set only.
-            unsafe { pilot.node::<A::Query, C>(take_bit(&mut inner), &mut sets) };
+            unsafe {
+                let slot = take_bit(&mut inner);
+                (*pilot.flight::<A::Query, C>(slot)).count.beside(others);
+                pilot.node::<A::Query, C>(slot, &mut sets);
+            }
         }
         let mut leaf = std::mem::take(&mut sets.leaf);
         while leaf != 0 {
             // SAFETY: as above.
-            unsafe { pilot.leaf::<A::Query, C>(take_bit(&mut leaf), &mut sets) };
+            unsafe {
+                let slot = take_bit(&mut leaf);
+                let flight = &mut *pilot.flight::<A::Query, C>(slot);
+                // Instances are among leaves, and no visits.
+                flight.count.beside(if flight.place.is_some() { others } else { 0 });
+                pilot.leaf::<A::Query, C>(slot, &mut sets);
+            }
         }
         let mut done = std::mem::take(&mut sets.done);
         while done != 0 {
@@ -243,7 +261,8 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
             if let Some((prepared, place)) = entered {
                 let span = prepared.span(ray.t_min, query.t_max());
                 if span.t_min >= 0.0 {
-                    let mut count = C::default();
+                    // A bundle may have begun.
+                    let mut count = if C::ACTIVE { counts[index] } else { C::default() };
                     if S::IS_INSTANCE {
                         count.instance();
                     }
@@ -269,8 +288,6 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
                 tracer.count = C::default();
                 tracer.trace(index, ray, &mut query);
                 counts[index] = tracer.count;
-            } else {
-                counts[index] = C::default();
             }
             answers.end(self.structure, index, &query);
         }

@@ -19,6 +19,8 @@ use crate::{
 pub(crate) trait Query {
     /// Whether near subtrees are visited first.
     const ORDERED: bool;
+    /// Whether the interval of an ordered query ends at what it took last.
+    const ENDS_AT_TAKEN: bool = true;
 
     /// The end of the interval that still matters, in units of the ray's direction.
     fn t_max(&self) -> f32;
@@ -257,8 +259,8 @@ pub(crate) fn test_each<I: Isa, Q: Query, F: CandidateFilter>(
         {
             query.take(&candidate, place)?;
             if Q::ORDERED {
-                let exact = t.abs() >= ray.smallest();
-                span.t_max = if exact { t } else { ray.span(0.0, candidate.t).t_max };
+                let exact = Q::ENDS_AT_TAKEN && t.abs() >= ray.smallest();
+                span.t_max = if exact { t } else { ray.span(0.0, query.t_max()).t_max };
             }
         }
     }

@@ -56,6 +56,8 @@ macro_rules! check {
         let all = structure.all_hits_batch(rays, &TraceOptions::default(), &AcceptAll);
         let first = |i| all.of(i).first().copied().unwrap_or(Hit::MISS);
         assert!((0..rays.len()).map(first).eq(single.iter().copied()));
+        let nearest = structure.nearest_hits_batch(rays, 2, &TraceOptions::default(), &AcceptAll);
+        assert!((0..rays.len()).all(|i| nearest.of(i) == &all.of(i)[..all.of(i).len().min(2)]));
         single.iter().filter(|hit| hit.is_hit()).count()
     }};
 }

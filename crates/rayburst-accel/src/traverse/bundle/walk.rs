@@ -79,7 +79,14 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
                 }
                 if C::ACTIVE {
                     let from = current.place as usize % GROUPS;
-                    (from..GROUPS).for_each(|g| self.count(g, bundle.active[g], Count::node));
+                    let rays: u32 =
+                        bundle.active[from..].iter().map(|rays| rays.count_ones()).sum();
+                    let visit = |count: &mut C| {
+                        count.node();
+                        count.bundled();
+                        count.beside(rays - 1);
+                    };
+                    (from..GROUPS).for_each(|g| self.count(g, bundle.active[g], visit));
                 }
                 // SAFETY: references to inner nodes come from the tree, which the place borrows.
                 let (boxes, words) = unsafe { tree.node(isa, current.child, &mut room) };
@@ -164,7 +171,10 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
                 continue;
             }
             if C::ACTIVE {
-                self.count(g, rays, |count| count.leaf(stored));
+                self.count(g, rays, |count| {
+                    count.leaf(stored);
+                    count.beside(rays.count_ones() - 1);
+                });
             }
             let mut doubtful = rays;
             if !general {
@@ -215,7 +225,6 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
     pub(super) fn begin_counts(&mut self, members: &[u32; GROUPS]) {
         for (g, &lanes) in members.iter().enumerate() {
             self.count(g, lanes, |count| {
-                *count = C::default();
                 if S::IS_INSTANCE {
                     count.instance();
                 }
