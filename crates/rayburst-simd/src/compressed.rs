@@ -105,8 +105,8 @@ impl<'a> TriangleRows<'a> {
     }
 }
 
-/// [`crate::Isa::expand8`].
-#[inline(always)]
+/// [`crate::Isa::expand8`]. Not inlined: it is long, and kernels that care for speed have their own.
+#[inline(never)]
 pub(crate) fn expand8(node: &QuantizedNode8) -> (Boxes8, [u32; 8]) {
     let mut boxes = Boxes8::EMPTY;
     for (row, (planes, steps)) in boxes.planes.iter_mut().zip(&node.planes).enumerate() {
@@ -119,8 +119,8 @@ pub(crate) fn expand8(node: &QuantizedNode8) -> (Boxes8, [u32; 8]) {
     (boxes, node.children.map(|child| node.base.wrapping_add(u32::from(child))))
 }
 
-/// [`crate::Isa::expand4`].
-#[inline(always)]
+/// [`crate::Isa::expand4`]. Not inlined, as above.
+#[inline(never)]
 pub(crate) fn expand4(rows: TriangleRows<'_>, unused: u32) -> Triangles4 {
     let mut block = Triangles4 { vertices: [[[UNUSED; 4]; 3]; 3], ids: [unused; 4] };
     for lane in 0..rows.count {
