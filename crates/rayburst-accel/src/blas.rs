@@ -15,10 +15,12 @@ use crate::{
         morton::Keys,
         ploc::Ploc,
         primitives::{self, MAX_PRIMITIVES},
+        reinsertion::reinsert,
         sbvh::Sbvh,
         triangle_keys,
     },
     layout::{
+        bvh2::Bvh2,
         bvh8::Bvh8,
         compressed::compress,
         triangles::{BLOCK, TriangleId, TriangleLeaves, locate},
@@ -70,7 +72,13 @@ impl Blas {
             monitor.begin(refs.len());
             Ok::<_, BuildError>(refs)
         };
-        let (tree, primitives, references) = match options.resolve_builder() {
+        let builder = options.resolve_builder();
+        let effort = options.resolve_reinsertion(builder)?;
+        let widen = |mut binary: Bvh2| {
+            reinsert(&mut binary, &effort, monitor)?;
+            Bvh8::collapse(&binary, &leaves)
+        };
+        let (tree, primitives, references) = match builder {
             Builder::Lbvh => {
                 let keys = triangle_keys::of_triangles(geometries, leaves.starts, options.curve)?;
                 let keys = Keys::sort(keys);
@@ -84,7 +92,7 @@ impl Blas {
                 let binary = BinnedSah { bins, leaf_size, max_depth, monitor }.build(refs)?;
                 // A cancelled tree has leaves of any size.
                 monitor.check()?;
-                (Bvh8::collapse(&binary, &leaves)?, primitives, primitives)
+                (widen(binary)?, primitives, primitives)
             }
             Builder::Hlbvh => {
                 let keys = triangle_keys::of_triangles(geometries, leaves.starts, options.curve)?;
@@ -97,7 +105,7 @@ impl Blas {
             Builder::Ploc => {
                 let refs = references_of()?;
                 let binary = Ploc { curve: options.curve, leaf_size, monitor }.build(&refs)?;
-                (Bvh8::collapse(&binary, &leaves)?, refs.len(), refs.len())
+                (widen(binary)?, refs.len(), refs.len())
             }
             Builder::SpatialSplits => {
                 let refs = references_of()?;
@@ -106,7 +114,7 @@ impl Blas {
                 let splits = Sbvh { bins, leaf_size, budget, shapes: &leaves, monitor };
                 let (binary, references) = splits.build(refs)?;
                 monitor.check()?;
-                (Bvh8::collapse(&binary, &leaves)?, primitives, references)
+                (widen(binary)?, primitives, references)
             }
         };
         let tree = match options.layout {

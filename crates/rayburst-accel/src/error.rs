@@ -3,6 +3,8 @@
 use rayburst_simd::IsaError;
 use thiserror::Error;
 
+use crate::Builder;
+
 /// Input from which no structure can be built. Positions that are not finite and degenerate
 /// triangles are no errors: such triangles are never hit.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -80,6 +82,14 @@ pub enum BuildError {
         "a compressed structure cannot be refitted; rebuild it, or build it in the wide layout"
     )]
     CompressedRefit,
+    /// Reinsertion after a builder that makes no binary tree.
+    #[error(
+        "reinsertion improves binary trees, and {builder:?} makes none; choose another builder"
+    )]
+    NoBinaryTree {
+        /// The builder.
+        builder: Builder,
+    },
     /// Memory ran out.
     #[error("not enough memory for {what}: {bytes} bytes; use a smaller scene or instances")]
     OutOfMemory {

@@ -2,7 +2,7 @@
 
 use rayburst_simd::{IsaError, IsaLevel};
 
-use crate::BuildControl;
+use crate::{BuildControl, BuildError, build::reinsertion::Effort};
 
 /// The trade of build time against trace time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -69,6 +69,10 @@ pub struct BuildOptions<'a> {
     /// How many references to triangles spatial splits may make, as a multiple of the triangles;
     /// `None` is 1.5, and there are never fewer than one a triangle.
     pub reference_budget: Option<f32>,
+    /// How many passes of reinsertion improve a binary tree before it is made wide; `None` is the
+    /// quality's. [`Builder::Lbvh`] and [`Builder::Hlbvh`] make no binary tree, so more than none is an
+    /// error with them.
+    pub reinsertion: Option<u32>,
     /// The instruction set of this structure's kernels; `None` is what `RAYBURST_ISA` names, or the
     /// best one.
     pub isa: Option<IsaLevel>,
@@ -89,6 +93,23 @@ impl BuildOptions<'_> {
             BuildQuality::Balanced => Builder::BinnedSah,
             BuildQuality::Best => Builder::SpatialSplits,
         })
+    }
+
+    /// How much is spent on reinsertion after a builder.
+    pub(crate) fn resolve_reinsertion(&self, builder: Builder) -> Result<Effort, BuildError> {
+        let is_binary = !matches!(builder, Builder::Lbvh | Builder::Hlbvh);
+        let effort = match self.quality {
+            BuildQuality::Best => Effort { passes: 8, part: 0.05, least: 5e-4 },
+            BuildQuality::Fast | BuildQuality::Balanced => {
+                Effort { passes: 3, part: 0.01, least: 5e-3 }
+            }
+        };
+        match self.reinsertion {
+            Some(passes) if passes != 0 && !is_binary => Err(BuildError::NoBinaryTree { builder }),
+            Some(passes) => Ok(Effort { passes: passes as usize, ..effort }),
+            None if is_binary && self.quality != BuildQuality::Fast => Ok(effort),
+            None => Ok(Effort { passes: 0, ..effort }),
+        }
     }
 
     /// References for each triangle, at most.

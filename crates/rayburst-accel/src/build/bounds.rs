@@ -22,6 +22,11 @@ impl Bounds4 {
     }
 
     #[inline(always)]
+    pub(super) fn of_aabb(bounds: &Aabb) -> Self {
+        Self { lower: bounds.lower.extend(0.0), upper: bounds.upper.extend(0.0) }
+    }
+
+    #[inline(always)]
     pub(super) fn grow(&mut self, lower: Vec4, upper: Vec4) {
         self.lower = self.lower.min(lower);
         self.upper = self.upper.max(upper);

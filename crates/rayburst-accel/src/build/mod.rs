@@ -12,6 +12,7 @@ mod object;
 mod partition;
 pub(crate) mod ploc;
 pub(crate) mod primitives;
+pub(crate) mod reinsertion;
 pub(crate) mod sbvh;
 mod small;
 pub(crate) mod spatial;

@@ -34,7 +34,7 @@ use crate::{
 };
 
 /// Children that overlap by less than this part of the root's area are not worth a spatial split.
-const LEAST_OVERLAP: f32 = 1e-5;
+const LEAST_OVERLAP: f32 = 1e-4;
 /// The same in nodes of few references, where a spatial split takes much time and gains little.
 const LEAST_OVERLAP_OF_FEW: f32 = 1e-3;
 /// Nodes of fewer references have few.
@@ -43,7 +43,7 @@ const FEW: usize = 128;
 const LEAST_WIDTH: f32 = 0.1;
 /// The cost of a spatial split that is taken, at most, in units of the object split's. New references
 /// cost more further down than the heuristic knows.
-const MOST_COST: f32 = 0.99;
+const MOST_COST: f32 = 0.95;
 
 /// Options of the builder.
 #[derive(Clone, Copy, Debug)]
