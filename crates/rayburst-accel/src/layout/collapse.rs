@@ -44,6 +44,10 @@ pub(crate) struct Children {
 }
 
 impl Children {
+    pub(crate) fn as_mut_slice(&mut self) -> &mut [u32] {
+        &mut self.nodes[..self.count]
+    }
+
     pub(crate) fn as_slice(&self) -> &[u32] {
         &self.nodes[..self.count]
     }
