@@ -75,6 +75,17 @@ pub enum BuildError {
         /// Which triangle of it.
         primitive: u32,
     },
+    /// A refit of a triangle that there is not.
+    #[error(
+        "triangle {primitive} of geometry {geometry} is said to have changed, but there is no such \
+         triangle"
+    )]
+    NoSuchTriangle {
+        /// Which geometry.
+        geometry: u32,
+        /// Which triangle of it.
+        primitive: u32,
+    },
     /// Memory ran out.
     #[error("not enough memory for {what}: {bytes} bytes; use a smaller scene or instances")]
     OutOfMemory {

@@ -155,15 +155,33 @@ fn is_outside(mesh: &TriangleMesh<'_>, corners: &[u32; 3]) -> bool {
 
 /// Whether all indices of a mesh name vertices.
 pub(crate) fn check_indices(geometry: usize, mesh: &TriangleMesh<'_>) -> Result<(), BuildError> {
-    let any = mesh.indices.par_iter().with_min_len(4096).any(|corners| is_outside(mesh, corners));
-    if any { Err(outside(geometry, mesh)) } else { Ok(()) }
+    // The largest index is found in vectors; a search for one that is too large is not.
+    let largest = |corners: &[[u32; 3]]| corners.as_flattened().iter().copied().fold(0, u32::max);
+    let fits = |corners: &[[u32; 3]]| (largest(corners) as usize) < mesh.positions.len();
+    if mesh.indices.par_chunks(1 << 14).all(fits) { Ok(()) } else { Err(outside(geometry, mesh)) }
+}
+
+/// Whether the indices of one triangle name vertices.
+pub(crate) fn check_triangle(
+    geometry: usize,
+    mesh: &TriangleMesh<'_>,
+    primitive: usize,
+) -> Result<(), BuildError> {
+    if is_outside(mesh, &mesh.indices[primitive]) {
+        return Err(outside_at(geometry, mesh, primitive));
+    }
+    Ok(())
 }
 
 /// Names the first index that is out of range.
 fn outside(geometry: usize, mesh: &TriangleMesh<'_>) -> BuildError {
-    let vertices = mesh.positions.len();
     let primitive = mesh.indices.iter().position(|corners| is_outside(mesh, corners));
-    let primitive = primitive.unwrap_or_default();
+    outside_at(geometry, mesh, primitive.unwrap_or_default())
+}
+
+/// Names the index of a triangle that is out of range.
+fn outside_at(geometry: usize, mesh: &TriangleMesh<'_>, primitive: usize) -> BuildError {
+    let vertices = mesh.positions.len();
     let corners = mesh.indices[primitive];
     let index = corners.into_iter().find(|&index| index as usize >= vertices);
     BuildError::IndexOutOfRange {

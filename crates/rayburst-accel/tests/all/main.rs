@@ -11,6 +11,7 @@ mod modes;
 mod oracle;
 mod oracle_tests;
 mod refit;
+mod refit_changed;
 mod rules;
 mod small;
 mod splits;
