@@ -35,6 +35,8 @@ const CALLS: &[&str] = &[
     "memcpy@",
     // Indices of rays without a bundle: once a batch, and when there are more than ever before.
     "batch::OTHERS",
+    // Sorting rays, once for thousands.
+    "stream::sort",
     "alloc::raw_vec::RawVec",
     // Rays of a bundle that are in doubt.
     "bundle::walk::Pilot<",
@@ -52,6 +54,7 @@ const CHECKS: &[(&str, &str)] = &[
     // Taking the next ray.
     ("traverse/interleaved.rs", "let ray = &self.rays[index];"),
     // Looking at 64 rays, and putting them side by side.
+    ("traverse/batch.rs", "stream::sort("),
     ("traverse/batch.rs", "is_coherent(&rays[part"),
     ("traverse/batch.rs", "alike(&part["),
     ("bundle/mod.rs", "let part = &rays[first..];"),

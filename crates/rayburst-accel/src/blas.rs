@@ -8,7 +8,7 @@ use rayburst_simd::{Isa, IsaLevel, Triangles4};
 
 use crate::{
     BuildError, BuildOptions, BuildQuality, BuildStats, Builder, BvhDefect, CandidateFilter,
-    InstanceFlags, TraceOptions, TriangleMesh, ValidationReport,
+    InstanceFlags, Layout, TraceOptions, TriangleMesh, ValidationReport,
     build::{
         binned_sah::{BinnedSah, MAX_DEPTH},
         monitor::Monitor,
@@ -20,7 +20,9 @@ use crate::{
     },
     layout::{
         bvh8::Bvh8,
+        compressed::compress,
         triangles::{BLOCK, TriangleId, TriangleLeaves, locate},
+        view::TreeView,
     },
     refit::changed::Links,
     structure::{Stacks, Structure},
@@ -110,6 +112,10 @@ impl Blas {
                 (Bvh8::collapse(&binary, &leaves)?, primitives, references)
             }
         };
+        let tree = match options.layout {
+            Layout::Wide => tree,
+            Layout::Compressed => compress(tree)?,
+        };
         monitor.check()?;
         monitor.finish();
         let inactive = starts[geometries.len()] as usize - primitives;
@@ -157,8 +163,8 @@ impl Blas {
         if at == NO_BLOCK {
             return None;
         }
-        let block = self.block(at);
-        let lane = (0..BLOCK).find(|&l| TriangleId::of_lane(block, l).triangle() == triangle)?;
+        let block = self.tree.block(at);
+        let lane = (0..BLOCK).find(|&l| TriangleId::of_lane(&block, l).triangle() == triangle)?;
         let corners = block
             .vertices
             .map(|corner| Vec3::new(corner[0][lane], corner[1][lane], corner[2][lane]));
@@ -185,17 +191,16 @@ impl Blas {
     }
 
     /// The triangles of a leaf and their corners.
-    fn leaf(&self, value: u32) -> impl Iterator<Item = (u32, [Vec3; 3])> + use<'_> {
-        let block = self.block(value);
-        (0..BLOCK)
-            .filter(|&lane| TriangleId::of_lane(block, lane) != TriangleId::NONE)
-            .filter(|&lane| !block.vertices[0][0][lane].is_nan())
-            .map(|lane| {
-                let corners = block
-                    .vertices
-                    .map(|corner| Vec3::new(corner[0][lane], corner[1][lane], corner[2][lane]));
-                (TriangleId::of_lane(block, lane).triangle(), corners)
-            })
+    fn leaf(&self, value: u32) -> impl Iterator<Item = (u32, [Vec3; 3])> + use<> {
+        let block = self.tree.block(value);
+        (0..BLOCK).filter_map(move |lane| {
+            let id = TriangleId::of_lane(&block, lane);
+            let corners = block
+                .vertices
+                .map(|corner| Vec3::new(corner[0][lane], corner[1][lane], corner[2][lane]));
+            let hittable = id != TriangleId::NONE && !corners[0].x.is_nan();
+            hittable.then_some((id.triangle(), corners))
+        })
     }
 
     /// Whether a triangle may be in several leaves.
@@ -243,8 +248,8 @@ impl Blas {
         let blocks = self.blocks.take().unwrap_or_else(|| self.index_blocks());
         let links = self.links.take().unwrap_or_else(|| {
             Links::new(&self.tree, &blocks, |leaf| {
-                let block = self.block(leaf);
-                let ids = (0..BLOCK).map(|lane| TriangleId::of_lane(block, lane));
+                let block = self.tree.block(leaf);
+                let ids = (0..BLOCK).map(move |lane| TriangleId::of_lane(&block, lane));
                 ids.filter(|&id| id != TriangleId::NONE).map(TriangleId::triangle)
             })
         });
@@ -261,11 +266,11 @@ impl Blas {
     pub(crate) fn count_hidden(&self) -> usize {
         let mut hidden = vec![];
         self.tree.for_each_leaf(|value| {
-            let block = self.block(value);
+            let block = self.tree.block(value);
             hidden.extend(
                 (0..BLOCK)
                     .filter(|&lane| block.vertices[0][0][lane].is_nan())
-                    .map(|lane| TriangleId::of_lane(block, lane))
+                    .map(|lane| TriangleId::of_lane(&block, lane))
                     .filter(|&id| id != TriangleId::NONE)
                     .map(TriangleId::triangle),
             );
@@ -275,16 +280,12 @@ impl Blas {
         hidden.len()
     }
 
-    fn block(&self, half_line: u32) -> &Triangles4 {
-        // SAFETY: callers take positions from the tree's leaves, where `TriangleLeaves` put blocks.
-        unsafe { self.tree.block(half_line) }
-    }
-
     fn index_blocks(&self) -> Vec<u32> {
         let mut blocks = vec![NO_BLOCK; self.starts[self.geometry_count()] as usize];
         self.tree.for_each_leaf(|value| {
+            let block = self.tree.block(value);
             for lane in 0..BLOCK {
-                let id = TriangleId::of_lane(self.block(value), lane);
+                let id = TriangleId::of_lane(&block, lane);
                 if id != TriangleId::NONE {
                     blocks[id.triangle() as usize] = value;
                 }
@@ -357,8 +358,8 @@ impl Structure for Blas {
     }
 
     #[inline(always)]
-    fn root_memory(&self) -> *const u8 {
-        self.tree.address(0)
+    fn root_view(&self) -> TreeView {
+        self.tree.view()
     }
 
     #[inline(always)]

@@ -86,6 +86,11 @@ pub enum BuildError {
         /// Which triangle of it.
         primitive: u32,
     },
+    /// A refit of a compressed structure.
+    #[error(
+        "a compressed structure cannot be refitted; rebuild it, or build it in the wide layout"
+    )]
+    CompressedRefit,
     /// Memory ran out.
     #[error("not enough memory for {what}: {bytes} bytes; use a smaller scene or instances")]
     OutOfMemory {

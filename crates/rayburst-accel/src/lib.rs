@@ -1,9 +1,9 @@
 //! Acceleration structures: which triangles does a ray meet?
 //!
 //! A [`Blas`] holds the triangles of many geometries; a [`Tlas`] holds instances of BLASes under 3×4
-//! transforms. Both answer *closest hit*, *any hit* and *all hits*, for one ray or for a batch:
-//! batches are the normal case, plain slices without an allocation per ray, run on the calling
-//! thread. This crate knows no material: alpha comes in as a [`CandidateFilter`].
+//! transforms. Both answer *closest hit*, *any hit*, *all hits* and *nearest hits* (the first few of
+//! all), for one ray or for a batch: batches are the normal case, plain slices without an allocation
+//! per ray, run on the calling thread. This crate knows no material: alpha comes in as a [`CandidateFilter`].
 //!
 //! What holds for every structure, instruction set and mode:
 //! - Hits have `t_min ≤ t ≤ t_max`; `t` is in units of the ray's direction, through instances too.
@@ -34,7 +34,7 @@ pub use blas::Blas;
 pub use control::BuildControl;
 pub use error::BuildError;
 pub use geometry::{Instance, InstanceFlags, MAX_COORDINATE, TriangleMesh};
-pub use options::{BuildOptions, BuildQuality, BuildStats, Builder, Curve};
+pub use options::{BuildOptions, BuildQuality, BuildStats, Builder, Curve, Layout};
 pub use query::{
     AcceptAll, AllHits, CandidateFilter, Counters, Cull, FilterFn, TraceMode, TraceOptions,
 };

@@ -1,7 +1,7 @@
 //! The lists of what can be chosen: tests and proof tools go through all of them. A choice that is
 //! missing from its list does not compile.
 
-use crate::{BuildQuality, Builder, Cull, Curve, TraceMode};
+use crate::{BuildQuality, Builder, Cull, Curve, Layout, TraceMode};
 
 /// `ALL` for an enum: every variant must be named, and each once.
 macro_rules! lists {
@@ -26,6 +26,7 @@ lists! {
     BuildQuality: Fast, Balanced, Best;
     Builder: BinnedSah, SpatialSplits, Lbvh, Hlbvh, Ploc;
     Curve: Morton, Hilbert;
+    Layout: Wide, Compressed;
     Cull: None, Front, Back;
-    TraceMode: Auto, Single, Interleaved, Packet;
+    TraceMode: Auto, Single, Interleaved, Packet, Stream;
 }

@@ -29,6 +29,10 @@ pub enum TraceMode {
     /// Bundles of up to 64 consecutive rays of alike directions, which visit nodes together; the rest
     /// interleaved, and all rays among several instances.
     Packet,
+    /// Interleaved too, but first sorted by where they start and where they go, 65,536 at a time, so
+    /// that rays in flight need the same memory. [`TraceMode::Auto`] never does so: the sort takes
+    /// longer than it saves.
+    Stream,
 }
 
 /// Options of a query, the same for all rays of a batch.
@@ -107,6 +111,23 @@ pub struct Counters {
     pub triangles: u32,
     /// Instances entered.
     pub instances: u32,
+    /// Those of `nodes` that were visited with a bundle of rays.
+    pub packet_nodes: u32,
+    /// Rays on their way, this one included, summed over its visits of nodes and leaves: those in
+    /// flight at a time, or those of the bundle that made the visit together.
+    pub in_flight: u32,
+}
+
+impl Counters {
+    /// The share of node visits that were a bundle's, from 0 to 1; 0 without any.
+    pub fn packet_share(&self) -> f32 {
+        self.packet_nodes as f32 / self.nodes.max(1) as f32
+    }
+
+    /// Rays on their way at a visit, on average: 1 if the ray was alone, 0 if it visited nothing.
+    pub fn mean_in_flight(&self) -> f32 {
+        self.in_flight as f32 / (self.nodes + self.leaves).max(1) as f32
+    }
 }
 
 /// All hits of a batch: those of ray `i` are `hits[offsets[i]..offsets[i + 1]]`, nearest first.

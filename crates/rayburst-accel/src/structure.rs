@@ -7,13 +7,14 @@ use rayburst_simd::{Isa, IsaLevel, Kernel};
 
 use crate::{
     AllHits, Blas, CandidateFilter, Counters, Tlas, TraceMode, TraceOptions,
+    layout::view::TreeView,
     traverse::{
-        all::All,
         answers::{Answers, AnyHits, ClosestHits},
         any::Any,
         batch,
         closest::Closest,
         count::{Count, NoCount},
+        gather::{Every, First, Gather, run as lists},
         prepare::PreparedRay,
         query::{Asker, Place, Query},
         walk::Stack,
@@ -75,8 +76,8 @@ pub(crate) trait Structure {
         *ray
     }
 
-    /// The start of the root's tree.
-    fn root_memory(&self) -> *const u8;
+    /// The root's tree.
+    fn root_view(&self) -> TreeView;
 
     /// A ray prepared for an instance, and the instance. `None` if the ray hits nothing there, or if
     /// there are no instances.
@@ -117,7 +118,7 @@ pub(crate) struct Tracer<'a, I, S, F, C> {
 
 impl<'a, I: Isa, S: Structure, F: CandidateFilter, C: Count> Tracer<'a, I, S, F, C> {
     #[inline(always)]
-    fn new(isa: I, structure: &'a S, options: &'a TraceOptions, filter: &'a F) -> Self {
+    pub(crate) fn new(isa: I, structure: &'a S, options: &'a TraceOptions, filter: &'a F) -> Self {
         Self { isa, structure, options, filter, stacks: Stacks::new(), count: C::default() }
     }
 
@@ -148,6 +149,9 @@ impl<S: Structure, F: CandidateFilter, C: Count, A: Answers> Kernel for Batch<'_
     fn run<I: Isa>(mut self, isa: I) {
         let mut tracer = Tracer::new(isa, self.structure, self.options, self.filter);
         let mode = self.options.mode;
+        if C::ACTIVE {
+            self.counts.fill(C::default());
+        }
         if mode == TraceMode::Single || (mode == TraceMode::Auto && self.rays.len() < FEW) {
             for (index, (ray, count)) in self.rays.iter().zip(self.counts).enumerate() {
                 let mut query = A::begin(ray);
@@ -184,32 +188,6 @@ impl<S: Structure, F: CandidateFilter, Q: Query> Kernel for One<'_, S, F, Q> {
     }
 }
 
-/// All hits of many rays as a kernel: one ray after another, since hits are appended to one list.
-struct AllHitsBatch<'a, S, F> {
-    structure: &'a S,
-    rays: &'a [Ray],
-    options: &'a TraceOptions,
-    filter: &'a F,
-    offsets: &'a mut Vec<usize>,
-    hits: &'a mut Vec<Hit>,
-}
-
-impl<S: Structure, F: CandidateFilter> Kernel for AllHitsBatch<'_, S, F> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<I: Isa>(self, isa: I) {
-        let mut tracer =
-            Tracer::<_, _, _, NoCount>::new(isa, self.structure, self.options, self.filter);
-        for (index, ray) in self.rays.iter().enumerate() {
-            let mut query = All::new(ray, self.hits);
-            tracer.trace(index, ray, &mut query);
-            query.finish();
-            self.offsets.push(self.hits.len());
-        }
-    }
-}
-
 fn run<S: Structure, F: CandidateFilter, C: Count>(
     structure: &S,
     rays: &[Ray],
@@ -242,27 +220,15 @@ fn any_of_one<S: Structure, F: CandidateFilter>(
     structure.isa_level().dispatch(One { structure, ray, options, filter, query }).found
 }
 
-fn run_all<S: Structure, F: CandidateFilter>(
-    structure: &S,
-    rays: &[Ray],
-    options: &TraceOptions,
-    filter: &F,
-    offsets: &mut Vec<usize>,
-    hits: &mut Vec<Hit>,
-) {
-    structure.isa_level().dispatch(AllHitsBatch {
-        structure,
-        rays,
-        options,
-        filter,
-        offsets,
-        hits,
-    });
-}
-
 /// As many counters as rays that count nothing and take no memory.
 fn uncounted(rays: &[Ray]) -> Vec<NoCount> {
     vec![NoCount; rays.len()]
+}
+
+/// An emptied list with the memory of another, which is left without.
+fn reuse(hits: &mut Vec<Hit>) -> Vec<Hit> {
+    hits.clear();
+    std::mem::take(hits)
 }
 
 /// Calls a function with a structure.
@@ -285,6 +251,22 @@ macro_rules! whole_or_sole {
 macro_rules! queries {
     ($structure:ty, $with:ident) => {
         impl $structure {
+            /// The hits of each ray that are asked for.
+            fn lists(
+                &self,
+                rays: &[Ray],
+                options: &TraceOptions,
+                filter: &impl CandidateFilter,
+                gather: impl Gather,
+                mut hits: Vec<Hit>,
+            ) -> AllHits {
+                let mut offsets = Vec::with_capacity(rays.len() + 1);
+                offsets.push(0);
+                let counts = &mut uncounted(rays);
+                $with!(self, lists, rays, options, filter, gather, counts, &mut offsets, &mut hits);
+                AllHits { offsets, hits }
+            }
+
             /// The nearest hit of a ray, or [`Hit::MISS`].
             pub fn closest_hit(
                 &self,
@@ -313,9 +295,22 @@ macro_rules! queries {
                 filter: &impl CandidateFilter,
                 hits: &mut Vec<Hit>,
             ) {
-                hits.clear();
                 let rays = std::slice::from_ref(ray);
-                $with!(self, run_all, rays, options, filter, &mut vec![], hits);
+                *hits = self.lists(rays, options, filter, Every, reuse(hits)).hits;
+            }
+
+            /// The first `k` of [all hits](Self::all_hits) of a ray, nearest first; replaces what
+            /// `hits` held. The fewer are asked for, the less is visited.
+            pub fn nearest_hits(
+                &self,
+                ray: &Ray,
+                k: usize,
+                options: &TraceOptions,
+                filter: &impl CandidateFilter,
+                hits: &mut Vec<Hit>,
+            ) {
+                let rays = std::slice::from_ref(ray);
+                *hits = self.lists(rays, options, filter, First(k), reuse(hits)).hits;
             }
 
             /// The nearest hit of each ray.
@@ -389,10 +384,18 @@ macro_rules! queries {
                 options: &TraceOptions,
                 filter: &impl CandidateFilter,
             ) -> AllHits {
-                let (mut offsets, mut hits) = (Vec::with_capacity(rays.len() + 1), vec![]);
-                offsets.push(0);
-                $with!(self, run_all, rays, options, filter, &mut offsets, &mut hits);
-                AllHits { offsets, hits }
+                self.lists(rays, options, filter, Every, vec![])
+            }
+
+            /// The first `k` of all hits of each ray.
+            pub fn nearest_hits_batch(
+                &self,
+                rays: &[Ray],
+                k: usize,
+                options: &TraceOptions,
+                filter: &impl CandidateFilter,
+            ) -> AllHits {
+                self.lists(rays, options, filter, First(k), vec![])
             }
         }
     };

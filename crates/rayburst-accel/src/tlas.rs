@@ -22,7 +22,10 @@ use crate::{
         monitor::Monitor,
         primitives::{MAX_PRIMITIVES, PrimitiveRef, is_traceable},
     },
-    layout::bvh8::{Bvh8, Leaves},
+    layout::{
+        bvh8::{Bvh8, Leaves},
+        view::TreeView,
+    },
     structure::{Stacks, Structure},
     traverse::{
         closest::Closest,
@@ -341,10 +344,14 @@ impl Structure for Tlas {
         };
         let mut span = world.span(ray.t_min, query.t_max());
         let mut leaves = Entered { isa, tlas: self, world: &world, options, asker, bottom, query };
-        if Q::ORDERED {
-            walk::<I, C, true>(isa, &self.tree, &world.slab, &mut span, top, count, &mut leaves)
-        } else {
-            walk::<I, C, false>(isa, &self.tree, &world.slab, &mut span, top, count, &mut leaves)
+        let tree = self.tree.view();
+        // SAFETY: the tree is borrowed.
+        unsafe {
+            if Q::ORDERED {
+                walk::<I, C, true>(isa, tree, &world.slab, &mut span, top, count, &mut leaves)
+            } else {
+                walk::<I, C, false>(isa, tree, &world.slab, &mut span, top, count, &mut leaves)
+            }
         }
     }
 
@@ -362,8 +369,8 @@ impl Structure for Tlas {
     }
 
     #[inline(always)]
-    fn root_memory(&self) -> *const u8 {
-        self.tree.address(0)
+    fn root_view(&self) -> TreeView {
+        self.tree.view()
     }
 
     #[inline(always)]
@@ -474,8 +481,8 @@ impl Structure for Sole<'_> {
     }
 
     #[inline(always)]
-    fn root_memory(&self) -> *const u8 {
-        self.blas().tree.address(0)
+    fn root_view(&self) -> TreeView {
+        self.blas().tree.view()
     }
 
     fn stack_entries(&self) -> usize {

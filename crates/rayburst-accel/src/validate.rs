@@ -6,7 +6,10 @@ use thiserror::Error;
 
 use crate::{
     build::binned_sah::MAX_DEPTH,
-    layout::bvh8::{Bvh8, Node8, Reference},
+    layout::{
+        bvh8::{Bvh8, Node8, Reference},
+        compressed::NODE_UNITS,
+    },
 };
 
 /// What is wrong with a structure.
@@ -110,17 +113,17 @@ fn walk<L: Leaf>(
         leaf_half_lines,
         leaf,
         seen: vec![false; total as usize],
-        used: vec![false; tree.half_lines()],
+        used: vec![false; tree.extent()],
         report: ValidationReport::default(),
         area: 0.0,
     };
-    walk.claim(Reference::ROOT.value(), NODE_HALF_LINES).map_err(|()| bad_reference(0, 0))?;
-    let bounds = walk.node(Reference::ROOT, 1)?;
+    walk.claim(Reference::ROOT).map_err(|()| bad_reference(0, 0))?;
+    let bounds = walk.node(Reference::ROOT, &tree.bounds, 1)?;
     if walk.report.primitives != expected {
         let missing = walk.seen.iter().position(|&seen| !seen).unwrap_or_default();
         return Err(BvhDefect::Missing(missing as u32));
     }
-    if !tree.bounds.contains_box(&bounds) {
+    if !encloses(tree, &tree.bounds, &bounds) {
         return Err(BvhDefect::NotEnclosing { node: 0, slot: 0 });
     }
     if walk.report.primitives != 0 {
@@ -128,6 +131,12 @@ fn walk<L: Leaf>(
         walk.report.sah_cost = ((walk.area + root) / root.max(f64::MIN_POSITIVE)) as f32;
     }
     Ok((walk.report, walk.leaf))
+}
+
+/// Whether a box holds what is below it. What can no longer be hit since a refit has an empty box,
+/// unless boxes only grew.
+fn encloses(tree: &Bvh8, bounds: &Aabb, below: &Aabb) -> bool {
+    bounds.contains_box(below) && (tree.loose || bounds.is_empty() == below.is_empty())
 }
 
 /// What is in leaves.
@@ -253,8 +262,16 @@ struct Walk<'a, L> {
 }
 
 impl<L: Leaf> Walk<'_, L> {
-    /// Marks half lines as used; fails if they do not exist or already are.
-    fn claim(&mut self, at: u32, count: usize) -> Result<(), ()> {
+    /// Marks what a node or leaf takes as used; fails if it does not exist or already is.
+    fn claim(&mut self, reference: Reference) -> Result<(), ()> {
+        let value = reference.value();
+        let (at, count) = match (self.tree.is_compressed(), reference.is_leaf()) {
+            (true, true) => (value >> 2, (value & 3) as usize + 1),
+            (true, false) => (value >> 2, NODE_UNITS),
+            (false, true) => (value, self.leaf_half_lines),
+            (false, false) if !value.is_multiple_of(2) => return Err(()),
+            (false, false) => (value, NODE_HALF_LINES),
+        };
         let lines = self.used.get_mut(at as usize..at as usize + count).ok_or(())?;
         if lines.contains(&true) {
             return Err(());
@@ -263,15 +280,22 @@ impl<L: Leaf> Walk<'_, L> {
         Ok(())
     }
 
-    /// Checks a node and all below it; returns the box around the primitives there.
-    fn node(&mut self, reference: Reference, depth: usize) -> Result<Aabb, BvhDefect> {
+    /// Checks a node and all below it, which counts `within` a box; returns the box around the
+    /// primitives there.
+    fn node(
+        &mut self,
+        reference: Reference,
+        within: &Aabb,
+        depth: usize,
+    ) -> Result<Aabb, BvhDefect> {
         let at = reference.value();
         if depth > MAX_DEPTH {
             return Err(BvhDefect::TooDeep { depth, limit: MAX_DEPTH });
         }
         self.report.nodes += 1;
         self.report.depth = self.report.depth.max(depth);
-        let node = *self.tree.node(reference);
+        let node = self.tree.node(reference);
+        let compressed = self.tree.is_compressed();
         let mut all = Aabb::EMPTY;
         for slot in 0..8 {
             let child = node.children[slot];
@@ -287,18 +311,17 @@ impl<L: Leaf> Walk<'_, L> {
                 continue;
             }
             self.area += f64::from(bounds.half_area());
+            // Quantised boxes may stick out of those above.
+            let inside = if compressed { bounds.intersection(*within) } else { bounds };
             let below = if child.is_leaf() {
-                self.leaf(at, slot, child, &bounds)?
+                self.leaf(at, slot, child, &inside)?
             } else {
-                if !child.value().is_multiple_of(2)
-                    || self.claim(child.value(), NODE_HALF_LINES).is_err()
-                {
+                if self.claim(child).is_err() {
                     return Err(bad_reference(at, slot));
                 }
-                self.node(child, depth + 1)?
+                self.node(child, &inside, depth + 1)?
             };
-            // A box whose triangles can no longer be hit since a refit may still be there.
-            if !bounds.contains_box(&below) {
+            if !encloses(self.tree, &bounds, &below) {
                 return Err(BvhDefect::NotEnclosing { node: at, slot: slot as u32 });
             }
             all = all.union(below);
@@ -317,7 +340,7 @@ impl<L: Leaf> Walk<'_, L> {
         let claimed = if self.leaf_half_lines == 0 {
             (value as usize) < self.seen.len()
         } else {
-            self.claim(value, self.leaf_half_lines).is_ok()
+            self.claim(leaf).is_ok()
         };
         if !claimed {
             return Err(bad_reference(node, slot));

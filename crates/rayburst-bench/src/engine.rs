@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use rayburst_accel::{AcceptAll, Blas, BuildOptions, BuildQuality, TraceMode, TraceOptions};
+use rayburst_accel::{
+    AcceptAll, Blas, BuildOptions, BuildQuality, Builder, Counters, Layout, TraceMode, TraceOptions,
+};
 use rayburst_math::{Hit, Ray};
 
 use crate::peers::embree::Quality;
@@ -24,46 +26,96 @@ pub trait Engine: Sync {
     fn is_peer(&self) -> bool;
     /// Whether each ray is a call of its own.
     fn takes_single_rays(&self) -> bool;
+    /// Rays of a batch: small enough to balance the threads' work, large enough for the engine.
+    fn batch(&self) -> usize {
+        4096
+    }
+    /// What each ray of a batch visits, if the engine can tell.
+    fn count(&self, _query: Query, _rays: &[Ray]) -> Option<Vec<Counters>> {
+        None
+    }
     /// Answers a batch on the calling thread. The answers are stored in `hits` (`Closest`) or
     /// `occluded` (`Any`), as a renderer would.
     fn trace(&self, query: Query, rays: &[Ray], hits: &mut [Hit], occluded: &mut [bool]);
 }
 
-/// A build preset of Rayburst.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// A build preset of Rayburst; its name tells it apart from the others.
+#[derive(Clone, Copy, Debug)]
 pub struct Preset {
     /// Its name.
     pub name: &'static str,
     /// What it asks of the build.
-    pub quality: BuildQuality,
+    options: fn() -> BuildOptions<'static>,
     /// The builder that it uses.
     pub builder: &'static str,
     /// Embree's build quality that makes the same trade.
     pub embree: Quality,
 }
 
+impl PartialEq for Preset {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
 impl Preset {
-    /// All presets.
-    pub const ALL: [Self; 3] = [
-        Self { name: "fast", quality: BuildQuality::Fast, builder: "hlbvh", embree: Quality::Low },
+    const FAST: Self = Self {
+        name: "fast",
+        options: || BuildOptions { quality: BuildQuality::Fast, ..BuildOptions::default() },
+        builder: "hlbvh",
+        embree: Quality::Low,
+    };
+    const BALANCED: Self = Self {
+        name: "balanced",
+        options: BuildOptions::default,
+        builder: "binned-sah",
+        embree: Quality::Medium,
+    };
+    const BEST: Self = Self {
+        name: "best",
+        options: || BuildOptions { quality: BuildQuality::Best, ..BuildOptions::default() },
+        builder: "spatial-splits",
+        embree: Quality::High,
+    };
+
+    /// The presets that are measured unless others are named: one for each quality.
+    pub const USUAL: [Self; 3] = [Self::FAST, Self::BALANCED, Self::BEST];
+
+    /// All presets: those, `balanced` in the compressed layout, and one for each builder.
+    pub const ALL: [Self; 9] = [
+        Self::FAST,
+        Self::BALANCED,
+        Self::BEST,
         Self {
-            name: "balanced",
-            quality: BuildQuality::Balanced,
-            builder: "binned-sah",
-            embree: Quality::Medium,
+            name: "compressed",
+            options: || BuildOptions { layout: Layout::Compressed, ..BuildOptions::default() },
+            ..Self::BALANCED
         },
-        Self {
-            name: "best",
-            quality: BuildQuality::Best,
-            builder: "spatial-splits",
-            embree: Quality::High,
-        },
+        Self::built("lbvh", Quality::Low, || by(Builder::Lbvh)),
+        Self::built("hlbvh", Quality::Low, || by(Builder::Hlbvh)),
+        Self::built("ploc", Quality::Low, || by(Builder::Ploc)),
+        Self::built("binned-sah", Quality::Medium, || by(Builder::BinnedSah)),
+        Self::built("spatial-splits", Quality::High, || by(Builder::SpatialSplits)),
     ];
+
+    /// A preset that is called after its builder.
+    const fn built(
+        name: &'static str,
+        embree: Quality,
+        options: fn() -> BuildOptions<'static>,
+    ) -> Self {
+        Self { name, options, builder: name, embree }
+    }
 
     /// Options of a build.
     pub fn options(&self) -> BuildOptions<'static> {
-        BuildOptions { quality: self.quality, ..BuildOptions::default() }
+        (self.options)()
     }
+}
+
+/// Options of a build by this builder.
+fn by(builder: Builder) -> BuildOptions<'static> {
+    BuildOptions { builder: Some(builder), ..BuildOptions::default() }
 }
 
 /// How Rayburst is asked.
@@ -77,17 +129,20 @@ pub enum Mode {
     Interleaved,
     /// Bundles where that can be, interleaved where not.
     Packet,
+    /// Batches sorted first, then several rays in flight.
+    Stream,
     /// One call a ray.
     Call,
 }
 
 impl Mode {
     /// All modes with their names.
-    pub const ALL: [(&'static str, Self); 5] = [
+    pub const ALL: [(&'static str, Self); 6] = [
         ("auto", Self::Auto),
         ("single", Self::Single),
         ("interleaved", Self::Interleaved),
         ("packet", Self::Packet),
+        ("stream", Self::Stream),
         ("call", Self::Call),
     ];
 
@@ -106,6 +161,7 @@ impl Mode {
             Self::Single => TraceMode::Single,
             Self::Interleaved => TraceMode::Interleaved,
             Self::Packet => TraceMode::Packet,
+            Self::Stream => TraceMode::Stream,
         };
         TraceOptions { mode, ..TraceOptions::default() }
     }
@@ -133,6 +189,29 @@ impl Engine for Rayburst {
 
     fn takes_single_rays(&self) -> bool {
         self.mode == Mode::Call
+    }
+
+    fn batch(&self) -> usize {
+        // As many as are sorted at a time.
+        if self.mode == Mode::Stream { 1 << 16 } else { 4096 }
+    }
+
+    fn count(&self, query: Query, rays: &[Ray]) -> Option<Vec<Counters>> {
+        // One ray a call is one after another.
+        let mode = if self.mode == Mode::Call { Mode::Single } else { self.mode };
+        let (options, mut counts) = (mode.options(), vec![Counters::default(); rays.len()]);
+        match query {
+            Query::Closest => {
+                let mut hits = vec![Hit::MISS; rays.len()];
+                self.blas.closest_hits_counted(rays, &mut hits, &mut counts, &options, &AcceptAll);
+            }
+            Query::Any => {
+                let mut occluded = vec![false; rays.len()];
+                let answers = &mut occluded;
+                self.blas.any_hits_counted(rays, answers, &mut counts, &options, &AcceptAll);
+            }
+        }
+        Some(counts)
     }
 
     fn trace(&self, query: Query, rays: &[Ray], hits: &mut [Hit], occluded: &mut [bool]) {

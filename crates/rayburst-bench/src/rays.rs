@@ -38,7 +38,7 @@ pub struct RayBench {
 
 impl Default for RayBench {
     fn default() -> Self {
-        let presets = Preset::ALL.iter();
+        let presets = Preset::USUAL.iter();
         Self {
             threads: 1,
             repeats: 5,
@@ -51,9 +51,6 @@ impl Default for RayBench {
     }
 }
 
-/// Rays a task: small enough to balance, large enough to be a batch.
-const BATCH: usize = 4096;
-
 /// Measures one scene. Every row is also given to `report` as soon as it exists.
 pub fn bench_rays(
     name: &str,
@@ -65,7 +62,7 @@ pub fn bench_rays(
     let pool = error::pool(options.threads)?;
     let triangles = [TriangleMesh::new(&mesh.positions, &mesh.indices)];
     // The rays do not depend on how the structure was built.
-    let reference = Blas::build(&triangles, &Preset::ALL[0].options())?;
+    let reference = Blas::build(&triangles, &Preset::USUAL[0].options())?;
     let sets = pool.install(|| ray_sets(mesh, &reference, camera, options.size));
     drop(reference);
     let engines = build(mesh, options)?;
@@ -102,6 +99,10 @@ pub fn bench_rays(
                 max: m.rates[m.rates.len() - 1],
                 rays: Some(set.rays.len()),
                 hits: Some(m.hits),
+                nodes: m.visits.map(|v| v.nodes),
+                leaves: m.visits.map(|v| v.leaves),
+                packet_share: m.visits.map(|v| v.packet_share),
+                in_flight: m.visits.map(|v| v.in_flight),
                 machine: machine.clone(),
                 ..Row::default()
             };
@@ -165,11 +166,43 @@ struct Measured {
     /// Mrays/s of each timed run, ascending.
     rates: Vec<f64>,
     hits: usize,
+    visits: Option<Visits>,
 }
 
 impl Measured {
     fn median(&self) -> f64 {
         self.rates[self.rates.len() / 2]
+    }
+}
+
+/// What the rays of a set visit, on average.
+#[derive(Clone, Copy)]
+struct Visits {
+    nodes: f64,
+    leaves: f64,
+    packet_share: f64,
+    in_flight: f64,
+}
+
+impl Visits {
+    /// Traces all rays once more, counting.
+    fn count(engine: &dyn Engine, query: Query, set: &RaySet) -> Option<Self> {
+        let (mut nodes, mut leaves, mut bundled, mut in_flight) = (0.0, 0.0, 0.0, 0.0);
+        for rays in set.rays.chunks(engine.batch()) {
+            for counters in engine.count(query, rays)? {
+                nodes += f64::from(counters.nodes);
+                leaves += f64::from(counters.leaves);
+                bundled += f64::from(counters.packet_nodes);
+                in_flight += f64::from(counters.in_flight);
+            }
+        }
+        let rays = set.rays.len().max(1) as f64;
+        Some(Self {
+            nodes: nodes / rays,
+            leaves: leaves / rays,
+            packet_share: bundled / nodes.max(1.0),
+            in_flight: in_flight / (nodes + leaves).max(1.0),
+        })
     }
 }
 
@@ -182,10 +215,11 @@ struct Answers {
 impl Answers {
     /// Traces all rays once, in tasks on the pool.
     fn trace(&mut self, engine: &dyn Engine, query: Query, set: &RaySet) {
+        let batch = engine.batch();
         set.rays
-            .par_chunks(BATCH)
-            .zip(self.hits.par_chunks_mut(BATCH))
-            .zip(self.occluded.par_chunks_mut(BATCH))
+            .par_chunks(batch)
+            .zip(self.hits.par_chunks_mut(batch))
+            .zip(self.occluded.par_chunks_mut(batch))
             .for_each(|((rays, hits), occluded)| engine.trace(query, rays, hits, occluded));
     }
 
@@ -212,6 +246,7 @@ fn measure(set: &RaySet, engines: &[Box<dyn Engine>], options: &RayBench) -> Vec
         .map(|engine| Measured {
             rates: Vec::with_capacity(options.repeats),
             hits: answers.count(engine.as_ref(), query, set),
+            visits: Visits::count(engine.as_ref(), query, set),
         })
         .collect();
     for _ in 0..options.repeats {

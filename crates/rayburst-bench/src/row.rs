@@ -59,6 +59,18 @@ pub struct Row {
     /// Rays that hit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hits: Option<usize>,
+    /// Nodes that a ray visits, on average.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub nodes: Option<f64>,
+    /// Leaves that a ray visits, on average.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub leaves: Option<f64>,
+    /// The share of all visits of nodes that were of a bundle of rays.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub packet_share: Option<f64>,
+    /// Rays on their way at a visit, in flight or in its bundle, on average.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub in_flight: Option<f64>,
     /// Expected cost of a random ray by the surface area heuristic.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sah_cost: Option<f32>,

@@ -19,6 +19,8 @@ pub enum EngineSpec {
     Obvhs,
 }
 
+/// The form of the names of this engine's builders, for messages.
+pub const BUILDER_NAMES: &str = "rayburst:lbvh|hlbvh|ploc|binned-sah|spatial-splits[:MODE]";
 /// The form of Embree's names, for messages.
 pub const EMBREE_NAMES: &str = "embree:low|medium|high:1|8|16[:coherent][:robust][:compact]";
 
@@ -64,7 +66,8 @@ impl EngineSpec {
     }
 
     /// The engines that a name or the beginning of a name means: the one of exactly that name, else
-    /// those of `usual` that begin so, else all that begin so.
+    /// those of `usual` that begin so, else those of any preset in the modes of `usual`, else all that
+    /// begin so.
     pub fn named(name: &str, usual: &[Self]) -> Vec<Self> {
         let all = Self::all();
         let begins = |specs: &[Self]| -> Vec<Self> {
@@ -73,8 +76,19 @@ impl EngineSpec {
         if let Some(exact) = all.iter().find(|spec| spec.to_string() == name) {
             return vec![*exact];
         }
-        let matching = begins(usual);
-        if matching.is_empty() { begins(&all) } else { matching }
+        let modes: Vec<Mode> = usual.iter().filter_map(Self::mode).collect();
+        let of_any_preset: Vec<Self> =
+            all.iter().filter(|s| s.mode().is_some_and(|m| modes.contains(&m))).copied().collect();
+        let lists = [usual, &of_any_preset, &all].map(begins);
+        lists.into_iter().find(|list| !list.is_empty()).unwrap_or_default()
+    }
+
+    /// How this engine is asked, if it is one of ours.
+    fn mode(&self) -> Option<Mode> {
+        match self {
+            Self::Rayburst(_, mode) => Some(*mode),
+            _ => None,
+        }
     }
 }
 
@@ -83,7 +97,7 @@ mod tests {
     use super::*;
 
     fn named(name: &str) -> Vec<String> {
-        let usual = EngineSpec::usual(&Preset::ALL, &Mode::USUAL);
+        let usual = EngineSpec::usual(&Preset::USUAL, &Mode::USUAL);
         EngineSpec::named(name, &usual).iter().map(ToString::to_string).collect()
     }
 
@@ -105,6 +119,9 @@ mod tests {
         );
         #[cfg(feature = "peers")]
         assert_eq!(named("obvhs"), ["obvhs:cwbvh"]);
+        assert_eq!(named("rayburst:ploc"), ["rayburst:ploc:auto", "rayburst:ploc:call"]);
+        assert_eq!(named("rayburst:lbvh:stream"), ["rayburst:lbvh:stream"]);
+        assert_eq!(named("rayburst").len(), 6);
         assert_eq!(named("embree").len(), Config::DEFAULT.len());
         assert_eq!(named("embree:low:8:r"), ["embree:low:8:robust", "embree:low:8:robust:compact"]);
         assert!(named("embre:medium").is_empty());

@@ -72,6 +72,7 @@ macro_rules! failures {
 
 failures!(
     rayburst::image::ImageError,
+    rayburst::accel::BuildError,
     rayburst_bench::BenchError,
     rayburst::render::RenderError,
     rayburst::scene::FlattenError,

@@ -3,8 +3,12 @@
 use std::arch::x86_64::*;
 
 use crate::{
-    Boxes8, Isa, Kernel, Nearest, ShearRay, SlabRay, TriangleHits, Triangles4, isa::SLOT, x86,
-    x86_group::group_methods, x86_lanes::F8,
+    Boxes8, Isa, Kernel, Nearest, QuantizedNode8, ShearRay, SlabRay, TriangleHits, TriangleRows,
+    Triangles4,
+    isa::SLOT,
+    x86::{self, EightBoxes, Node},
+    x86_group::group_methods,
+    x86_lanes::F8,
 };
 
 /// Proof that the CPU has AVX2, FMA, BMI1, BMI2, F16C, LZCNT and POPCNT.
@@ -79,6 +83,46 @@ impl Isa for Avx2 {
     }
 
     #[inline(always)]
+    fn quantized_slab8(
+        self,
+        node: &QuantizedNode8,
+        ray: &SlabRay,
+        t_min: f32,
+        t_max: f32,
+        distances: &mut [f32; 8],
+    ) -> u32 {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { slab8(node, ray, t_min, t_max, distances) }
+    }
+
+    #[inline(always)]
+    fn quantized_sorted8(
+        self,
+        node: &QuantizedNode8,
+        ray: &SlabRay,
+        t_min: f32,
+        t_max: f32,
+        keys: &mut [u32; 8],
+        found: &mut [u32; 8],
+    ) -> (usize, u32) {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { sorted8(node, ray, t_min, t_max, keys, found) }
+    }
+
+    #[inline(always)]
+    fn quantized_met8(
+        self,
+        node: &QuantizedNode8,
+        ray: &SlabRay,
+        t_min: f32,
+        t_max: f32,
+        found: &mut [u32; 8],
+    ) -> (usize, u32) {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { met8(node, ray, t_min, t_max, found) }
+    }
+
+    #[inline(always)]
     fn last_within8(self, keys: &[u32; 8], limit: u32) -> usize {
         // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
         unsafe { last_within8(keys, limit) }
@@ -110,6 +154,44 @@ impl Isa for Avx2 {
         unsafe { x86::nearest4(block, ray, t_min, t_max, keep) }
     }
 
+    #[inline(always)]
+    fn expand8(self, node: &QuantizedNode8) -> (Boxes8, [u32; 8]) {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { x86::expand8(node) }
+    }
+
+    #[inline(always)]
+    fn expand4(self, rows: TriangleRows<'_>, unused: u32) -> Triangles4 {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { x86::expand4(rows, unused) }
+    }
+
+    #[inline(always)]
+    fn rows_triangles4(
+        self,
+        rows: TriangleRows<'_>,
+        ray: &ShearRay,
+        t_min: f32,
+        t_max: f32,
+        hits: &mut TriangleHits,
+    ) -> u32 {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { x86::triangles4(rows, ray, t_min, t_max, hits) }
+    }
+
+    #[inline(always)]
+    fn rows_nearest4(
+        self,
+        rows: TriangleRows<'_>,
+        ray: &ShearRay,
+        t_min: f32,
+        t_max: f32,
+        keep: [u32; 2],
+    ) -> Nearest {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { x86::nearest4(rows, ray, t_min, t_max, keep) }
+    }
+
     group_methods!(F8);
 
     #[inline(always)]
@@ -122,8 +204,8 @@ impl Isa for Avx2 {
 /// # Safety
 /// The CPU must have what [`Avx2`] proves.
 #[inline(always)]
-unsafe fn slab8(
-    boxes: &Boxes8,
+unsafe fn slab8<B: EightBoxes>(
+    boxes: B,
     ray: &SlabRay,
     t_min: f32,
     t_max: f32,
@@ -131,7 +213,7 @@ unsafe fn slab8(
 ) -> u32 {
     // SAFETY: the caller's promise; `distances` has room for eight lanes, aligned or not.
     unsafe {
-        let (near, far) = x86::interval8(boxes, ray, t_min, t_max);
+        let (near, far) = boxes.interval8(ray, t_min, t_max);
         _mm256_storeu_ps(distances.as_mut_ptr(), near);
         _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(near, far)) as u32
     }
@@ -188,8 +270,8 @@ macro_rules! exchange {
 /// # Safety
 /// The CPU must have what [`Avx2`] proves.
 #[inline(always)]
-unsafe fn sorted8(
-    (boxes, children): (&Boxes8, &[u32; 8]),
+unsafe fn sorted8<N: Node>(
+    node: N,
     ray: &SlabRay,
     t_min: f32,
     t_max: f32,
@@ -198,7 +280,7 @@ unsafe fn sorted8(
 ) -> (usize, u32) {
     // SAFETY: the caller's promise; all arrays have eight lanes, aligned or not.
     unsafe {
-        let (near, far) = x86::interval8(boxes, ray, t_min, t_max);
+        let (near, far) = node.interval8(ray, t_min, t_max);
         let met = _mm256_cmp_ps::<_CMP_LE_OQ>(near, far);
         let mask = _mm256_movemask_ps(met) as u32;
         let met = _mm256_castps_si256(met);
@@ -223,7 +305,7 @@ unsafe fn sorted8(
             sorted = exchange!(sorted, _mm256_shuffle_epi32::<0b10_11_00_01>(sorted), 0b1010_1010);
         }
         // The permutation looks at the three bits that hold the slot.
-        let children = _mm256_loadu_si256(children.as_ptr().cast());
+        let children = node.children();
         _mm256_storeu_si256(keys.as_mut_ptr().cast(), sorted);
         let sorted_children = _mm256_permutevar8x32_epi32(children, sorted);
         _mm256_storeu_si256(found.as_mut_ptr().cast(), sorted_children);
@@ -234,8 +316,8 @@ unsafe fn sorted8(
 /// # Safety
 /// The CPU must have what [`Avx2`] proves.
 #[inline(always)]
-unsafe fn met8(
-    (boxes, children): (&Boxes8, &[u32; 8]),
+unsafe fn met8<N: Node>(
+    node: N,
     ray: &SlabRay,
     t_min: f32,
     t_max: f32,
@@ -243,10 +325,10 @@ unsafe fn met8(
 ) -> (usize, u32) {
     // SAFETY: the caller's promise; both arrays have eight lanes, aligned or not.
     unsafe {
-        let (near, far) = x86::interval8(boxes, ray, t_min, t_max);
+        let (near, far) = node.interval8(ray, t_min, t_max);
         let mask = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(near, far)) as u32;
         let rest = set_lanes(mask & mask.wrapping_sub(1));
-        let children = _mm256_loadu_si256(children.as_ptr().cast());
+        let children = node.children();
         let rest = _mm256_permutevar8x32_epi32(children, rest);
         _mm256_storeu_si256(others.as_mut_ptr().cast(), rest);
         (mask.count_ones() as usize, mask.trailing_zeros() & SLOT)

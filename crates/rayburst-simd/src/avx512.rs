@@ -4,8 +4,12 @@
 use std::arch::x86_64::*;
 
 use crate::{
-    Boxes8, Isa, Kernel, Nearest, ShearRay, SlabRay, TriangleHits, Triangles4, isa::SLOT, x86,
-    x86_group::group_methods, x86_lanes::F16,
+    Boxes8, Isa, Kernel, Nearest, QuantizedNode8, ShearRay, SlabRay, TriangleHits, TriangleRows,
+    Triangles4,
+    isa::SLOT,
+    x86::{self, EightBoxes, Node},
+    x86_group::group_methods,
+    x86_lanes::F16,
 };
 
 /// Proof that the CPU has AVX-512 F, VL, BW, DQ and CD, and all of [`crate::Avx2`].
@@ -81,6 +85,46 @@ impl Isa for Avx512 {
     }
 
     #[inline(always)]
+    fn quantized_slab8(
+        self,
+        node: &QuantizedNode8,
+        ray: &SlabRay,
+        t_min: f32,
+        t_max: f32,
+        distances: &mut [f32; 8],
+    ) -> u32 {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { slab8(node, ray, t_min, t_max, distances) }
+    }
+
+    #[inline(always)]
+    fn quantized_sorted8(
+        self,
+        node: &QuantizedNode8,
+        ray: &SlabRay,
+        t_min: f32,
+        t_max: f32,
+        keys: &mut [u32; 8],
+        found: &mut [u32; 8],
+    ) -> (usize, u32) {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { sorted8(node, ray, t_min, t_max, keys, found) }
+    }
+
+    #[inline(always)]
+    fn quantized_met8(
+        self,
+        node: &QuantizedNode8,
+        ray: &SlabRay,
+        t_min: f32,
+        t_max: f32,
+        found: &mut [u32; 8],
+    ) -> (usize, u32) {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { met8(node, ray, t_min, t_max, found) }
+    }
+
+    #[inline(always)]
     fn last_within8(self, keys: &[u32; 8], limit: u32) -> usize {
         // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
         unsafe { last_within8(keys, limit) }
@@ -112,6 +156,44 @@ impl Isa for Avx512 {
         unsafe { x86::nearest4(block, ray, t_min, t_max, keep) }
     }
 
+    #[inline(always)]
+    fn expand8(self, node: &QuantizedNode8) -> (Boxes8, [u32; 8]) {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { x86::expand8(node) }
+    }
+
+    #[inline(always)]
+    fn expand4(self, rows: TriangleRows<'_>, unused: u32) -> Triangles4 {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { x86::expand4(rows, unused) }
+    }
+
+    #[inline(always)]
+    fn rows_triangles4(
+        self,
+        rows: TriangleRows<'_>,
+        ray: &ShearRay,
+        t_min: f32,
+        t_max: f32,
+        hits: &mut TriangleHits,
+    ) -> u32 {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { x86::triangles4(rows, ray, t_min, t_max, hits) }
+    }
+
+    #[inline(always)]
+    fn rows_nearest4(
+        self,
+        rows: TriangleRows<'_>,
+        ray: &ShearRay,
+        t_min: f32,
+        t_max: f32,
+        keep: [u32; 2],
+    ) -> Nearest {
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe { x86::nearest4(rows, ray, t_min, t_max, keep) }
+    }
+
     group_methods!(F16);
 
     #[inline(always)]
@@ -124,8 +206,8 @@ impl Isa for Avx512 {
 /// # Safety
 /// The CPU must have what [`Avx512`] proves.
 #[inline(always)]
-unsafe fn slab8(
-    boxes: &Boxes8,
+unsafe fn slab8<B: EightBoxes>(
+    boxes: B,
     ray: &SlabRay,
     t_min: f32,
     t_max: f32,
@@ -133,7 +215,7 @@ unsafe fn slab8(
 ) -> u32 {
     // SAFETY: the caller's promise; `distances` has room for eight lanes, aligned or not.
     unsafe {
-        let (near, far) = x86::interval8(boxes, ray, t_min, t_max);
+        let (near, far) = boxes.interval8(ray, t_min, t_max);
         _mm256_storeu_ps(distances.as_mut_ptr(), near);
         u32::from(_mm256_cmp_ps_mask::<_CMP_LE_OQ>(near, far))
     }
@@ -150,8 +232,8 @@ macro_rules! exchange {
 /// # Safety
 /// The CPU must have what [`Avx512`] proves.
 #[inline(always)]
-unsafe fn sorted8(
-    (boxes, children): (&Boxes8, &[u32; 8]),
+unsafe fn sorted8<N: Node>(
+    node: N,
     ray: &SlabRay,
     t_min: f32,
     t_max: f32,
@@ -160,7 +242,7 @@ unsafe fn sorted8(
 ) -> (usize, u32) {
     // SAFETY: the caller's promise; all arrays have eight lanes, aligned or not.
     unsafe {
-        let (near, far) = x86::interval8(boxes, ray, t_min, t_max);
+        let (near, far) = node.interval8(ray, t_min, t_max);
         let mask = _mm256_cmp_ps_mask::<_CMP_LE_OQ>(near, far);
         let slots = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
         // slots | (near & !SLOT) in one instruction.
@@ -186,7 +268,7 @@ unsafe fn sorted8(
             sorted = exchange!(sorted, _mm256_shuffle_epi32::<0b10_11_00_01>(sorted), 0b0101_0101);
         }
         // The permutation looks at the three bits that hold the slot.
-        let children = _mm256_loadu_si256(children.as_ptr().cast());
+        let children = node.children();
         _mm256_storeu_si256(keys.as_mut_ptr().cast(), sorted);
         let sorted_children = _mm256_permutexvar_epi32(sorted, children);
         _mm256_storeu_si256(found.as_mut_ptr().cast(), sorted_children);
@@ -197,8 +279,8 @@ unsafe fn sorted8(
 /// # Safety
 /// The CPU must have what [`Avx512`] proves.
 #[inline(always)]
-unsafe fn met8(
-    (boxes, children): (&Boxes8, &[u32; 8]),
+unsafe fn met8<N: Node>(
+    node: N,
     ray: &SlabRay,
     t_min: f32,
     t_max: f32,
@@ -206,9 +288,9 @@ unsafe fn met8(
 ) -> (usize, u32) {
     // SAFETY: the caller's promise; both arrays have eight lanes, aligned or not.
     unsafe {
-        let (near, far) = x86::interval8(boxes, ray, t_min, t_max);
+        let (near, far) = node.interval8(ray, t_min, t_max);
         let mask = _mm256_cmp_ps_mask::<_CMP_LE_OQ>(near, far);
-        let children = _mm256_loadu_si256(children.as_ptr().cast());
+        let children = node.children();
         let rest = _mm256_maskz_compress_epi32(mask & mask.wrapping_sub(1), children);
         _mm256_storeu_si256(others.as_mut_ptr().cast(), rest);
         (mask.count_ones() as usize, u32::from(mask).trailing_zeros() & SLOT)

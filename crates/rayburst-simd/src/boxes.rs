@@ -64,6 +64,13 @@ impl SlabRay {
         first_three(self.far_offset)
     }
 
+    /// One over the direction, and what is subtracted at near and at far planes, of four numbers each.
+    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
+    pub(crate) fn fours(&self) -> [&[f32; 4]; 3] {
+        [&self.inverse, &self.near_offset, &self.far_offset]
+    }
+
     /// The rows of [`Boxes8::planes`] that the ray meets first, less than six; the others are these
     /// with the lowest bit flipped.
     #[inline(always)]

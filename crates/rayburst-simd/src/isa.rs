@@ -1,8 +1,9 @@
 //! The token of an instruction set and the kernels that run under it.
 
 use crate::{
-    Boxes8, Extent16, Frustum, Group16, GroupAxes, Nearest, Preparation16, Question16, Rays16,
-    Row16, ShearRay, SlabRay, TriangleHits, Triangles4, group,
+    Boxes8, Extent16, Frustum, Group16, GroupAxes, Nearest, Preparation16, QuantizedNode8,
+    Question16, Rays16, Row16, ShearRay, SlabRay, TriangleHits, TriangleRows, Triangles4,
+    compressed, group,
 };
 
 /// A proof that the running CPU has an instruction set: tokens other than [`crate::Scalar`] are only
@@ -82,6 +83,48 @@ pub trait Isa: Copy + Send + Sync + std::fmt::Debug + 'static {
         (mask.count_ones() as usize, mask.trailing_zeros() & SLOT)
     }
 
+    /// [`Isa::slab8`] of a compressed node: boxes that are barely missed may differ.
+    #[inline(always)]
+    fn quantized_slab8(
+        self,
+        node: &QuantizedNode8,
+        ray: &SlabRay,
+        t_min: f32,
+        t_max: f32,
+        distances: &mut [f32; 8],
+    ) -> u32 {
+        self.slab8(&self.expand8(node).0, ray, t_min, t_max, distances)
+    }
+
+    /// [`Isa::sorted8`] of a compressed node: boxes that are barely missed may differ.
+    #[inline(always)]
+    fn quantized_sorted8(
+        self,
+        node: &QuantizedNode8,
+        ray: &SlabRay,
+        t_min: f32,
+        t_max: f32,
+        keys: &mut [u32; 8],
+        found: &mut [u32; 8],
+    ) -> (usize, u32) {
+        let (boxes, children) = self.expand8(node);
+        self.sorted8((&boxes, &children), ray, t_min, t_max, keys, found)
+    }
+
+    /// [`Isa::met8`] of a compressed node: boxes that are barely missed may differ.
+    #[inline(always)]
+    fn quantized_met8(
+        self,
+        node: &QuantizedNode8,
+        ray: &SlabRay,
+        t_min: f32,
+        t_max: f32,
+        others: &mut [u32; 8],
+    ) -> (usize, u32) {
+        let (boxes, children) = self.expand8(node);
+        self.met8((&boxes, &children), ray, t_min, t_max, others)
+    }
+
     /// One more than the index of the last key that is no greater than `limit`; zero if all are.
     /// Keys and limit are less than 2³¹.
     #[inline(always)]
@@ -124,6 +167,45 @@ pub trait Isa: Copy + Send + Sync + std::fmt::Debug + 'static {
             }
         }
         nearest
+    }
+
+    /// The boxes of a compressed node, and its children's words. The box of a slot without a child is
+    /// empty along x.
+    #[inline(always)]
+    fn expand8(self, node: &QuantizedNode8) -> (Boxes8, [u32; 8]) {
+        compressed::expand8(node)
+    }
+
+    /// The triangles of a compressed leaf. Lanes without one get NaN, and `unused` for an id.
+    #[inline(always)]
+    fn expand4(self, rows: TriangleRows<'_>, unused: u32) -> Triangles4 {
+        compressed::expand4(rows, unused)
+    }
+
+    /// [`Isa::triangles4`] of a compressed leaf.
+    #[inline(always)]
+    fn rows_triangles4(
+        self,
+        rows: TriangleRows<'_>,
+        ray: &ShearRay,
+        t_min: f32,
+        t_max: f32,
+        hits: &mut TriangleHits,
+    ) -> u32 {
+        self.triangles4(&self.expand4(rows, 0), ray, t_min, t_max, hits)
+    }
+
+    /// [`Isa::nearest4`] of a compressed leaf.
+    #[inline(always)]
+    fn rows_nearest4(
+        self,
+        rows: TriangleRows<'_>,
+        ray: &ShearRay,
+        t_min: f32,
+        t_max: f32,
+        keep: [u32; 2],
+    ) -> Nearest {
+        self.nearest4(&self.expand4(rows, 0), ray, t_min, t_max, keep)
     }
 
     /// Puts sixteen rays side by side, each given as origin, `t_min`, direction, `t_max`.

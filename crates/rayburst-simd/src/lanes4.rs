@@ -9,7 +9,7 @@
 use crate::{
     Boxes8, Nearest, ShearRay, SlabRay, TriangleHits, Triangles4,
     isa::SLOT,
-    triangles::{LARGE, SMALL, decide_exactly},
+    triangles::{LARGE, SMALL, corners, decide_exactly},
 };
 
 /// Vectors of four lanes. Comparisons give lanes of ones or zeros, false for NaN.
@@ -335,7 +335,7 @@ pub(crate) unsafe fn triangles4<L: Lanes4>(
         found.front = L::bits(L::less(L::splat(0.0), det));
         while exact != 0 {
             let lane = exact.trailing_zeros() as usize % 4;
-            decide_exactly(block, ray, lane, t_min, t_max, &mut found);
+            decide_exactly(&corners(block, lane), ray, lane, t_min, t_max, &mut found);
             exact &= exact - 1;
         }
         if found.mask != 0 {

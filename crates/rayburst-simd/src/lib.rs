@@ -7,6 +7,7 @@
 //! the bits of [`Scalar`], unless its documentation says otherwise.
 
 mod boxes;
+mod compressed;
 mod group;
 mod isa;
 mod level;
@@ -35,6 +36,7 @@ pub use avx2::Avx2;
 #[cfg(target_arch = "x86_64")]
 pub use avx512::Avx512;
 pub use boxes::{Boxes8, SlabRay};
+pub use compressed::{LEAF_WORDS, QuantizedNode8, TriangleRows, UNIT_WORDS};
 pub use group::{
     Extent16, Frustum, GROUP, Group16, GroupAxes, Preparation16, Question16, Rays16, Row16,
 };
@@ -45,7 +47,7 @@ pub use neon::Neon;
 pub use scalar::Scalar;
 #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
 pub use simd128::Simd128;
-pub use triangles::{Nearest, ShearRay, TriangleHits, Triangles4, barycentric};
+pub use triangles::{Nearest, ShearRay, TriangleHits, Triangles4, barycentric, corners};
 
 #[cfg(test)]
 mod group_tests;

@@ -2,7 +2,7 @@
 
 use crate::{
     Boxes8, Isa, Kernel, ShearRay, SlabRay, TriangleHits, Triangles4,
-    triangles::{LARGE, SMALL, decide_exactly, sheared},
+    triangles::{LARGE, SMALL, corners, decide_exactly, sheared},
 };
 
 /// The token of plain Rust, for every CPU.
@@ -52,9 +52,10 @@ impl Isa for Scalar {
     ) -> u32 {
         let mut found = TriangleHits::NONE;
         for lane in 0..4 {
-            let (ax, ay, az) = sheared(block, ray, 0, lane);
-            let (bx, by, bz) = sheared(block, ray, 1, lane);
-            let (cx, cy, cz) = sheared(block, ray, 2, lane);
+            let corners = corners(block, lane);
+            let (ax, ay, az) = sheared(&corners[0], ray);
+            let (bx, by, bz) = sheared(&corners[1], ray);
+            let (cx, cy, cz) = sheared(&corners[2], ray);
             let u = cx * by - cy * bx;
             let v = ax * cy - ay * cx;
             let w = bx * ay - by * ax;
@@ -68,7 +69,7 @@ impl Isa for Scalar {
             #[allow(clippy::manual_range_contains, reason = "lanes of NaN are not delicate")]
             let delicate = (size < SMALL) | (size > LARGE);
             if signs == 0.0 || delicate {
-                decide_exactly(block, ray, lane, t_min, t_max, &mut found);
+                decide_exactly(&corners, ray, lane, t_min, t_max, &mut found);
                 continue;
             }
             let t = (u * az + v * bz + w * cz) / det;

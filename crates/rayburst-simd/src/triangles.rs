@@ -121,41 +121,46 @@ pub(crate) const SMALL: f32 = f32::from_bits((127 - 100) << 23);
 /// Determinants of larger magnitude are evaluated in `f64`.
 pub(crate) const LARGE: f32 = f32::from_bits((127 + 60) << 23);
 
-/// The sheared corner of one lane: x, y, and z scaled to the ray's distance.
+/// The corners of the triangle in one lane.
 #[inline(always)]
-pub(crate) fn sheared(
-    block: &Triangles4,
-    ray: &ShearRay,
-    corner: usize,
-    lane: usize,
-) -> (f32, f32, f32) {
-    let vertex = &block.vertices[corner];
-    let relative = |k: usize| vertex[ray.axes()[k]][lane] - ray.origin[k];
-    let z = relative(2);
-    (relative(0) - ray.shear[0] * z, relative(1) - ray.shear[1] * z, ray.shear[2] * z)
+pub fn corners(block: &Triangles4, lane: usize) -> [[f32; 3]; 3] {
+    let corner = |i: usize| {
+        let [x, y, z] = &block.vertices[i];
+        [x[lane % 4], y[lane % 4], z[lane % 4]]
+    };
+    [corner(0), corner(1), corner(2)]
 }
 
-/// The barycentric coordinates of the second and the third corner where a ray meets the triangle of
-/// one lane, and whether that winds counter-clockwise seen from the origin.
-///
-/// Meaningful, and with the bits of [`crate::Isa::triangles4`], only if [`crate::Isa::nearest4`] found
-/// that the ray meets the triangle beyond doubt. One lane of a block is less work than four.
+/// A corner as the ray sees it: moved to its origin and sheared.
 #[inline(always)]
-pub fn barycentric(block: &Triangles4, ray: &ShearRay, lane: usize) -> (f32, f32, bool) {
-    let [x, y, z] = ray.axes();
-    let corner = |corner: usize| {
-        let vertex = &block.vertices[corner];
-        let depth = vertex[z][lane % 4] - ray.origin[2];
-        (
-            vertex[x][lane % 4] - ray.origin[0] - ray.shear[0] * depth,
-            vertex[y][lane % 4] - ray.origin[1] - ray.shear[1] * depth,
-        )
-    };
-    let ((ax, ay), (bx, by), (cx, cy)) = (corner(0), corner(1), corner(2));
+pub(crate) fn sheared(corner: &[f32; 3], ray: &ShearRay) -> (f32, f32, f32) {
+    let [i, j, k] = ray.axes();
+    let z = corner[k % 3] - ray.origin[2];
+    let x = corner[i % 3] - ray.origin[0] - ray.shear[0] * z;
+    (x, corner[j % 3] - ray.origin[1] - ray.shear[1] * z, ray.shear[2] * z)
+}
+
+/// The barycentric coordinates of the second and the third corner where a ray meets a triangle, and
+/// whether that winds counter-clockwise seen from the origin.
+///
+/// Has the bits of [`crate::Isa::triangles4`], and is meaningful only if the ray meets the triangle. One
+/// triangle is less work than four.
+#[inline(always)]
+pub fn barycentric(corners: &[[f32; 3]; 3], ray: &ShearRay) -> (f32, f32, bool) {
+    let (ax, ay, _) = sheared(&corners[0], ray);
+    let (bx, by, _) = sheared(&corners[1], ray);
+    let (cx, cy, _) = sheared(&corners[2], ray);
     let u = cx * by - cy * bx;
     let v = ax * cy - ay * cx;
     let w = bx * ay - by * ax;
     let det = u + v + w;
+    let size = det.abs();
+    let signs = u.min(v).min(w) * u.max(v).max(w);
+    if signs == 0.0 || !(SMALL..=LARGE).contains(&size) {
+        let mut hits = TriangleHits::NONE;
+        decide_exactly(corners, ray, 0, f32::NEG_INFINITY, f32::INFINITY, &mut hits);
+        return (hits.u[0], hits.v[0], hits.front & 1 != 0);
+    }
     (v / det, w / det, det > 0.0)
 }
 
@@ -163,15 +168,15 @@ pub fn barycentric(block: &Triangles4, ray: &ShearRay, lane: usize) -> (f32, f32
 #[cold]
 #[inline(never)]
 pub(crate) fn decide_exactly(
-    block: &Triangles4,
+    corners: &[[f32; 3]; 3],
     ray: &ShearRay,
     lane: usize,
     t_min: f32,
     t_max: f32,
     hits: &mut TriangleHits,
 ) {
-    let corner = |i| {
-        let (x, y, z) = sheared(block, ray, i, lane);
+    let corner = |i: usize| {
+        let (x, y, z) = sheared(&corners[i], ray);
         (f64::from(x), f64::from(y), f64::from(z))
     };
     let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (corner(0), corner(1), corner(2));

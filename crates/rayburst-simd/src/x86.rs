@@ -8,47 +8,166 @@
 use std::arch::x86_64::*;
 
 use crate::{
-    Boxes8, Nearest, ShearRay, SlabRay, TriangleHits, Triangles4,
-    triangles::{LARGE, SMALL, decide_exactly},
+    Boxes8, LEAF_WORDS, Nearest, QuantizedNode8, ShearRay, SlabRay, TriangleHits, TriangleRows,
+    Triangles4,
+    triangles::{self, LARGE, SMALL, decide_exactly},
 };
 
-/// The distances between which a ray is in each of eight boxes. The nearer ones are never −0 if
-/// `t_min` is not.
+/// Eight boxes, in either form.
+pub(crate) trait EightBoxes: Copy {
+    /// The distances between which a ray is in each of eight boxes. The nearer ones are never −0 if
+    /// `t_min` is not.
+    ///
+    /// # Safety
+    /// The CPU must have AVX2 and FMA.
+    unsafe fn interval8(self, ray: &SlabRay, t_min: f32, t_max: f32) -> (__m256, __m256);
+}
+
+/// Eight boxes and what is in them.
+pub(crate) trait Node: EightBoxes {
+    /// The children's words.
+    ///
+    /// # Safety
+    /// The CPU must have AVX2 and FMA.
+    unsafe fn children(self) -> __m256i;
+}
+
+impl EightBoxes for &Boxes8 {
+    #[inline(always)]
+    unsafe fn interval8(self, ray: &SlabRay, t_min: f32, t_max: f32) -> (__m256, __m256) {
+        // SAFETY: the caller's promise; what is loaded and stored is said below.
+        unsafe {
+            let (inverse, rows) = (ray.inverse(), ray.near_row());
+            let (near_offset, far_offset) = (ray.near_offset(), ray.far_offset());
+            let plane = |row: usize, axis: usize, offset: f32| {
+                debug_assert!(row + 32 <= size_of::<Boxes8>());
+                // `SlabRay` holds starts of the six rows of `planes`, and flipping
+                // `FAR_ROW` leads from one to the other of an axis; rows are 32 bytes of an array
+                // of alignment 64.
+                let planes = _mm256_load_ps(self.planes.as_ptr().byte_add(row).cast());
+                _mm256_fmsub_ps(planes, _mm256_set1_ps(inverse[axis]), _mm256_set1_ps(offset))
+            };
+            // Not `map`: what it calls would be compiled for the baseline.
+            let near = [
+                plane(rows[0], 0, near_offset[0]),
+                plane(rows[1], 1, near_offset[1]),
+                plane(rows[2], 2, near_offset[2]),
+            ];
+            let far = [
+                plane(rows[0] ^ SlabRay::FAR_ROW, 0, far_offset[0]),
+                plane(rows[1] ^ SlabRay::FAR_ROW, 1, far_offset[1]),
+                plane(rows[2] ^ SlabRay::FAR_ROW, 2, far_offset[2]),
+            ];
+            intersect(near, far, t_min, t_max)
+        }
+    }
+}
+
+impl EightBoxes for (&Boxes8, &[u32; 8]) {
+    #[inline(always)]
+    unsafe fn interval8(self, ray: &SlabRay, t_min: f32, t_max: f32) -> (__m256, __m256) {
+        // SAFETY: the caller's promise.
+        unsafe { self.0.interval8(ray, t_min, t_max) }
+    }
+}
+
+impl Node for (&Boxes8, &[u32; 8]) {
+    #[inline(always)]
+    unsafe fn children(self) -> __m256i {
+        // SAFETY: the caller's promise; the array has eight lanes, aligned or not.
+        unsafe { _mm256_loadu_si256(self.1.as_ptr().cast()) }
+    }
+}
+
+/// Steps are counted in units of the ray's distances: one multiplication and addition a plane, as for
+/// planes that are stored. What that is wrong by is one rounding of the distance to the corner.
+impl EightBoxes for &QuantizedNode8 {
+    #[inline(always)]
+    unsafe fn interval8(self, ray: &SlabRay, t_min: f32, t_max: f32) -> (__m256, __m256) {
+        // SAFETY: the caller's promise; what is loaded and stored is said below.
+        unsafe {
+            let rows = ray.near_row();
+            let [inverse, near_offset, far_offset] = ray.fours();
+            let inverse = _mm_loadu_ps(inverse.as_ptr());
+            let near_offset = _mm_loadu_ps(near_offset.as_ptr());
+            let far_offset = _mm_loadu_ps(far_offset.as_ptr());
+            let corner = _mm_setr_ps(self.origin[0], self.origin[1], self.origin[2], 0.0);
+            let [x, y, z] = self.exponents;
+            let exponents = _mm_cvtepu8_epi32(_mm_cvtsi32_si128(i32::from_le_bytes([x, y, z, 0])));
+            let scale = _mm_mul_ps(_mm_castsi128_ps(_mm_slli_epi32::<23>(exponents)), inverse);
+            let near_base = _mm_fmsub_ps(corner, inverse, near_offset);
+            let far_base = _mm_fmsub_ps(corner, inverse, far_offset);
+            let plane = |row: usize, scale: __m256, base: __m256| {
+                debug_assert!(row / 4 + 8 <= 48);
+                // `SlabRay` holds starts of rows four times as long, and `FAR_ROW` is a bit of those.
+                let steps = _mm_loadl_epi64(self.planes.as_ptr().byte_add(row / 4).cast());
+                _mm256_fmadd_ps(_mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(steps)), scale, base)
+            };
+            let (x, y, z) = spread3(scale);
+            let (near_x, near_y, near_z) = spread3(near_base);
+            let (far_x, far_y, far_z) = spread3(far_base);
+            let near =
+                [plane(rows[0], x, near_x), plane(rows[1], y, near_y), plane(rows[2], z, near_z)];
+            let far = [
+                plane(rows[0] ^ SlabRay::FAR_ROW, x, far_x),
+                plane(rows[1] ^ SlabRay::FAR_ROW, y, far_y),
+                plane(rows[2] ^ SlabRay::FAR_ROW, z, far_z),
+            ];
+            let (near, far) = intersect(near, far, t_min, t_max);
+            let none = _mm256_set1_epi32(i32::from(QuantizedNode8::NO_CHILD));
+            let bytes = _mm256_cvtepu8_epi32(_mm_loadl_epi64(self.children.as_ptr().cast()));
+            let empty = _mm256_castsi256_ps(_mm256_cmpeq_epi32(bytes, none));
+            (near, _mm256_blendv_ps(far, _mm256_set1_ps(f32::NEG_INFINITY), empty))
+        }
+    }
+}
+
+impl Node for &QuantizedNode8 {
+    #[inline(always)]
+    unsafe fn children(self) -> __m256i {
+        // SAFETY: the caller's promise; the load is of eight bytes.
+        unsafe {
+            let bytes = _mm256_cvtepu8_epi32(_mm_loadl_epi64(self.children.as_ptr().cast()));
+            _mm256_add_epi32(_mm256_set1_epi32(self.base as i32), bytes)
+        }
+    }
+}
+
+/// Each of the first three lanes in eight.
 ///
 /// # Safety
 /// The CPU must have AVX2 and FMA.
 #[inline(always)]
-pub(crate) unsafe fn interval8(
-    boxes: &Boxes8,
-    ray: &SlabRay,
+unsafe fn spread3(four: __m128) -> (__m256, __m256, __m256) {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let (y, z) = (_mm_movehdup_ps(four), _mm_movehl_ps(four, four));
+        (_mm256_broadcastss_ps(four), _mm256_broadcastss_ps(y), _mm256_broadcastss_ps(z))
+    }
+}
+
+/// The intersection of the intervals of three axes and the ray's own.
+///
+/// # Safety
+/// The CPU must have AVX2 and FMA.
+#[inline(always)]
+unsafe fn intersect(
+    near: [__m256; 3],
+    far: [__m256; 3],
     t_min: f32,
     t_max: f32,
 ) -> (__m256, __m256) {
-    // SAFETY: the caller's promise; what is loaded and stored is said below.
+    // SAFETY: the caller's promise.
     unsafe {
-        let (inverse, rows) = (ray.inverse(), ray.near_row());
-        let (near_offset, far_offset) = (ray.near_offset(), ray.far_offset());
-        let plane = |row: usize, axis: usize, offset: f32| {
-            debug_assert!(row + 32 <= size_of::<Boxes8>());
-            // `SlabRay` holds starts of the six rows of `planes`, and flipping
-            // `FAR_ROW` leads from one to the other of an axis; rows are 32 bytes of an array
-            // of alignment 64.
-            let planes = _mm256_load_ps(boxes.planes.as_ptr().byte_add(row).cast());
-            _mm256_fmsub_ps(planes, _mm256_set1_ps(inverse[axis]), _mm256_set1_ps(offset))
-        };
-        let near_x = plane(rows[0], 0, near_offset[0]);
-        let near_y = plane(rows[1], 1, near_offset[1]);
-        let near_z = plane(rows[2], 2, near_offset[2]);
-        let far_x = plane(rows[0] ^ SlabRay::FAR_ROW, 0, far_offset[0]);
-        let far_y = plane(rows[1] ^ SlabRay::FAR_ROW, 1, far_offset[1]);
-        let far_z = plane(rows[2] ^ SlabRay::FAR_ROW, 2, far_offset[2]);
         // Of two zeros the instruction gives its second operand: `t_min`.
         let near = _mm256_max_ps(
-            _mm256_max_ps(near_x, near_y),
-            _mm256_max_ps(near_z, _mm256_set1_ps(t_min)),
+            _mm256_max_ps(near[0], near[1]),
+            _mm256_max_ps(near[2], _mm256_set1_ps(t_min)),
         );
-        let far =
-            _mm256_min_ps(_mm256_min_ps(far_x, far_y), _mm256_min_ps(far_z, _mm256_set1_ps(t_max)));
+        let far = _mm256_min_ps(
+            _mm256_min_ps(far[0], far[1]),
+            _mm256_min_ps(far[2], _mm256_set1_ps(t_max)),
+        );
         (near, far)
     }
 }
@@ -69,29 +188,87 @@ pub(crate) unsafe fn least8(keys: __m256i) -> u32 {
     }
 }
 
+/// Up to four triangles, in either form.
+pub(crate) trait FourTriangles: Copy {
+    /// A coordinate of a corner in all lanes; `row` is sixteen times the axis.
+    ///
+    /// # Safety
+    /// The CPU must have AVX2 and FMA; `corner` must be less than three and `row` at most 32.
+    unsafe fn row(self, corner: usize, row: usize) -> __m128;
+
+    /// Lanes that hold no triangle but something else.
+    ///
+    /// # Safety
+    /// The CPU must have AVX2 and FMA.
+    unsafe fn unused(self) -> __m128;
+
+    /// The corners of the triangle in one lane.
+    fn corners(self, lane: usize) -> [[f32; 3]; 3];
+}
+
+impl FourTriangles for &Triangles4 {
+    #[inline(always)]
+    unsafe fn row(self, corner: usize, row: usize) -> __m128 {
+        debug_assert!(row <= 32);
+        // SAFETY: the caller's promise; each row of four lanes starts at a multiple of 16 bytes of a
+        // structure of alignment 32.
+        unsafe { _mm_load_ps(self.vertices.as_ptr().add(corner).byte_add(row).cast()) }
+    }
+
+    #[inline(always)]
+    unsafe fn unused(self) -> __m128 {
+        // SAFETY: the caller's promise.
+        unsafe { _mm_setzero_ps() }
+    }
+
+    #[inline(always)]
+    fn corners(self, lane: usize) -> [[f32; 3]; 3] {
+        triangles::corners(self, lane)
+    }
+}
+
+impl FourTriangles for TriangleRows<'_> {
+    #[inline(always)]
+    unsafe fn row(self, corner: usize, row: usize) -> __m128 {
+        let byte = corner * (12 * self.count()) + (row / 4) * self.count();
+        debug_assert!(byte + 16 <= 4 * LEAF_WORDS);
+        // SAFETY: the caller's promise; row 8 of at most four words is followed by another.
+        unsafe { _mm_loadu_ps(self.words().as_ptr().byte_add(byte).cast()) }
+    }
+
+    #[inline(always)]
+    unsafe fn unused(self) -> __m128 {
+        // SAFETY: the caller's promise.
+        unsafe {
+            let (count, lanes) = (self.count() as i32 - 1, _mm_setr_epi32(0, 1, 2, 3));
+            _mm_castsi128_ps(_mm_cmpgt_epi32(lanes, _mm_set1_epi32(count)))
+        }
+    }
+
+    #[inline(always)]
+    fn corners(self, lane: usize) -> [[f32; 3]; 3] {
+        TriangleRows::corners(self, lane)
+    }
+}
+
 /// Edge functions and the scaled distance of each lane.
 ///
 /// # Safety
 /// The CPU must have AVX2 and FMA.
 #[inline(always)]
-pub(crate) unsafe fn edges4(block: &Triangles4, ray: &ShearRay) -> [__m128; 4] {
+pub(crate) unsafe fn edges4<T: FourTriangles>(triangles: T, ray: &ShearRay) -> [__m128; 4] {
     // SAFETY: the caller's promise; what is loaded and stored is said below.
     unsafe {
         let (origin, rows, shear) = (ray.origin(), ray.rows(), ray.shear());
         let relative = |corner: usize, k: usize| {
-            debug_assert!(rows[k] + 16 <= 48);
-            // `ShearRay` holds starts of three rows; each row of four lanes starts at a
-            // multiple of 16 bytes of a structure of alignment 32.
-            let row = _mm_load_ps(block.vertices.as_ptr().add(corner).byte_add(rows[k]).cast());
-            // From the vertex to the origin, not the other way: the load becomes an operand. All
-            // signs turn, so products keep theirs.
-            _mm_sub_ps(_mm_set1_ps(origin[k]), row)
+            // `ShearRay` holds starts of three rows.
+            _mm_sub_ps(triangles.row(corner, rows[k]), _mm_set1_ps(origin[k]))
         };
         let sheared = |corner: usize| {
             let z = relative(corner, 2);
             let x = _mm_sub_ps(relative(corner, 0), _mm_mul_ps(_mm_set1_ps(shear[0]), z));
             let y = _mm_sub_ps(relative(corner, 1), _mm_mul_ps(_mm_set1_ps(shear[1]), z));
-            (x, y, _mm_mul_ps(_mm_set1_ps(-shear[2]), z))
+            (x, y, _mm_mul_ps(_mm_set1_ps(shear[2]), z))
         };
         let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (sheared(0), sheared(1), sheared(2));
         let u = _mm_sub_ps(_mm_mul_ps(cx, by), _mm_mul_ps(cy, bx));
@@ -103,20 +280,23 @@ pub(crate) unsafe fn edges4(block: &Triangles4, ray: &ShearRay) -> [__m128; 4] {
     }
 }
 
-/// Of edge functions: determinants, lanes whose signs are mixed, and of the others those that must
-/// be decided exactly.
+/// Of edge functions: determinants, lanes whose signs are mixed or that are `unused`, and of the others
+/// those that must be decided exactly.
 ///
 /// # Safety
 /// The CPU must have AVX2 and FMA.
 #[inline(always)]
-pub(crate) unsafe fn decide4([u, v, w, _]: [__m128; 4]) -> (__m128, __m128, __m128) {
+pub(crate) unsafe fn decide4(
+    [u, v, w, _]: [__m128; 4],
+    unused: __m128,
+) -> (__m128, __m128, __m128) {
     // SAFETY: the caller's promise; what is loaded and stored is said below.
     unsafe {
         let zero = _mm_setzero_ps();
         let least = _mm_min_ps(_mm_min_ps(u, v), w);
         let greatest = _mm_max_ps(_mm_max_ps(u, v), w);
         let signs = _mm_mul_ps(least, greatest);
-        let mixed = _mm_cmplt_ps(signs, zero);
+        let mixed = _mm_or_ps(_mm_cmplt_ps(signs, zero), unused);
         let det = _mm_add_ps(_mm_add_ps(u, v), w);
         let size = _mm_andnot_ps(_mm_set1_ps(-0.0), det);
         let delicate = _mm_or_ps(
@@ -145,8 +325,8 @@ pub(crate) unsafe fn within4(t: __m128, t_min: f32, t_max: f32) -> __m128 {
 /// # Safety
 /// The CPU must have AVX2 and FMA.
 #[inline(always)]
-pub(crate) unsafe fn triangles4(
-    block: &Triangles4,
+pub(crate) unsafe fn triangles4<T: FourTriangles>(
+    triangles: T,
     ray: &ShearRay,
     t_min: f32,
     t_max: f32,
@@ -154,8 +334,8 @@ pub(crate) unsafe fn triangles4(
 ) -> u32 {
     // SAFETY: the caller's promise; what is loaded and stored is said below.
     unsafe {
-        let edges = edges4(block, ray);
-        let (det, mixed, exact) = decide4(edges);
+        let edges = edges4(triangles, ray);
+        let (det, mixed, exact) = decide4(edges, triangles.unused());
         let [_, v, w, scaled] = edges;
         let t = _mm_div_ps(scaled, det);
         let inside = within4(t, t_min, t_max);
@@ -172,7 +352,7 @@ pub(crate) unsafe fn triangles4(
         hits.front = _mm_movemask_ps(_mm_cmpgt_ps(det, _mm_setzero_ps())) as u32;
         while exact != 0 {
             let lane = exact.trailing_zeros() as usize;
-            decide_exactly(block, ray, lane, t_min, t_max, hits);
+            decide_exactly(&triangles.corners(lane), ray, lane, t_min, t_max, hits);
             exact &= exact - 1;
         }
         hits.mask
@@ -184,8 +364,8 @@ pub(crate) unsafe fn triangles4(
 /// # Safety
 /// The CPU must have AVX2 and FMA.
 #[inline(always)]
-pub(crate) unsafe fn nearest4(
-    block: &Triangles4,
+pub(crate) unsafe fn nearest4<T: FourTriangles>(
+    triangles: T,
     ray: &ShearRay,
     t_min: f32,
     t_max: f32,
@@ -193,8 +373,8 @@ pub(crate) unsafe fn nearest4(
 ) -> Nearest {
     // SAFETY: the caller's promise; what is loaded and stored is said below.
     unsafe {
-        let edges = edges4(block, ray);
-        let (det, mixed, exact) = decide4(edges);
+        let edges = edges4(triangles, ray);
+        let (det, mixed, exact) = decide4(edges, triangles.unused());
         let t = _mm_div_ps(edges[3], det);
         let lanes = |keep: u32| _mm_castsi128_ps(_mm_set1_epi32(keep as i32));
         let counter_clockwise = _mm_cmpgt_ps(det, _mm_setzero_ps());
@@ -213,5 +393,66 @@ pub(crate) unsafe fn nearest4(
             mask,
             doubtful: exact | (nearest & nearest.wrapping_sub(1)) != 0,
         }
+    }
+}
+
+/// [`crate::Isa::expand8`].
+///
+/// # Safety
+/// The CPU must have AVX2 and FMA.
+#[inline(always)]
+pub(crate) unsafe fn expand8(node: &QuantizedNode8) -> (Boxes8, [u32; 8]) {
+    // SAFETY: the caller's promise; rows are of eight bytes, and arrays have eight lanes.
+    unsafe {
+        let wide = |row: &[u8; 8]| _mm256_cvtepu8_epi32(_mm_loadl_epi64(row.as_ptr().cast()));
+        let row = |row: usize, axis: usize| {
+            let steps = _mm256_cvtepi32_ps(wide(&node.planes[row]));
+            let (step, origin) = (_mm256_set1_ps(node.step(axis)), node.origin[axis]);
+            _mm256_fmadd_ps(steps, step, _mm256_set1_ps(origin))
+        };
+        let children = wide(&node.children);
+        let none = _mm256_set1_epi32(i32::from(QuantizedNode8::NO_CHILD));
+        let empty = _mm256_castsi256_ps(_mm256_cmpeq_epi32(children, none));
+        let (beyond, before) = (_mm256_set1_ps(f32::INFINITY), _mm256_set1_ps(f32::NEG_INFINITY));
+        let mut boxes = Boxes8::EMPTY;
+        let mut put = |row: usize, x: __m256| {
+            _mm256_store_ps(boxes.planes[row].as_mut_ptr(), x);
+        };
+        put(0, _mm256_blendv_ps(row(0, 0), beyond, empty));
+        put(1, _mm256_blendv_ps(row(1, 0), before, empty));
+        put(2, row(2, 1));
+        put(3, row(3, 1));
+        put(4, row(4, 2));
+        put(5, row(5, 2));
+        let mut words = [0; 8];
+        let base = _mm256_set1_epi32(node.base as i32);
+        _mm256_storeu_si256(words.as_mut_ptr().cast(), _mm256_add_epi32(base, children));
+        (boxes, words)
+    }
+}
+
+/// [`crate::Isa::expand4`].
+///
+/// # Safety
+/// The CPU must have AVX2 and FMA.
+#[inline(always)]
+pub(crate) unsafe fn expand4(rows: TriangleRows<'_>, unused: u32) -> Triangles4 {
+    // SAFETY: the caller's promise; the last row starts at word `9 · count`, at most 36, and four
+    // words from there are in the leaf. The arrays have four lanes.
+    unsafe {
+        let empty = _mm_castps_si128(rows.unused());
+        let start = rows.words().as_ptr();
+        let row = |row: usize| _mm_loadu_si128(start.add(row * rows.count()).cast());
+        let mut block = Triangles4 { vertices: [[[0.0; 4]; 3]; 3], ids: [0; 4] };
+        let to: *mut [f32; 4] = block.vertices.as_mut_ptr().cast();
+        let mut i = 0;
+        while i < 9 {
+            // Unused lanes become the NaN of all bits.
+            _mm_store_si128(to.add(i).cast(), _mm_or_si128(row(i), empty));
+            i += 1;
+        }
+        let ids = _mm_blendv_epi8(row(9), _mm_set1_epi32(unused as i32), empty);
+        _mm_storeu_si128(block.ids.as_mut_ptr().cast(), ids);
+        block
     }
 }

@@ -1,6 +1,6 @@
 //! All ways to build and to trace, from the lists of `rayburst-accel`.
 
-use rayburst_accel::{BuildOptions, BuildQuality, Builder, IsaLevel, TraceMode};
+use rayburst_accel::{BuildOptions, BuildQuality, Builder, IsaLevel, Layout, TraceMode};
 
 /// A way to build: a new quality or builder joins by itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -9,13 +9,16 @@ pub struct Build {
     pub quality: BuildQuality,
     /// The builder.
     pub builder: Builder,
+    /// The layout.
+    pub layout: Layout,
 }
 
 impl Build {
-    /// Every quality with every builder.
+    /// Every quality with every builder in every layout.
     pub fn all() -> Vec<Self> {
-        let with = |quality| Builder::ALL.map(|builder| Self { quality, builder });
-        BuildQuality::ALL.into_iter().flat_map(with).collect()
+        let with = |(quality, builder)| Layout::ALL.map(|layout| Self { quality, builder, layout });
+        let pair = |quality| Builder::ALL.map(|builder| (quality, builder));
+        BuildQuality::ALL.into_iter().flat_map(pair).flat_map(with).collect()
     }
 
     /// The options of this build for an instruction set.
@@ -23,6 +26,7 @@ impl Build {
         BuildOptions {
             quality: self.quality,
             builder: Some(self.builder),
+            layout: self.layout,
             isa: Some(isa),
             ..BuildOptions::default()
         }
@@ -31,7 +35,7 @@ impl Build {
 
 impl std::fmt::Display for Build {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{:?}/{:?}", self.quality, self.builder)
+        write!(f, "{:?}/{:?}/{:?}", self.quality, self.builder, self.layout)
     }
 }
 

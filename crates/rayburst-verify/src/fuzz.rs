@@ -59,8 +59,18 @@ macro_rules! traced {
                 options: &TraceOptions,
                 filter: &impl CandidateFilter,
             ) -> Vec<Hit> {
-                // The first of each ray.
+                // The first of each ray; the nearest few are the first few.
                 let all = self.all_hits_batch(rays, options, filter);
+                for k in [0, 1, 2, 5, usize::MAX] {
+                    let nearest = self.nearest_hits_batch(rays, k, options, filter);
+                    for (i, ray) in rays.iter().enumerate() {
+                        let (hits, expected) = (nearest.of(i), all.of(i));
+                        let expected = &expected[..k.min(expected.len())];
+                        assert_eq!(hits.len(), expected.len(), "{k} nearest hits of {ray:?}");
+                        let rays = vec![*ray; hits.len()];
+                        assert_same(("nearest hits", k), hits, expected, &rays);
+                    }
+                }
                 (0..rays.len()).map(|i| all.of(i).first().copied().unwrap_or(Hit::MISS)).collect()
             }
         }

@@ -223,10 +223,14 @@ mod tests {
         mesh.indices.pop();
         let scenes = [ClosedScene { name: "box with a hole".into(), mesh, instances: vec![] }];
         let tasks = tasks(&scenes);
-        let plan = Plan { rays: 2_000_000, seed: 2 };
+        // A ray in two hundred or so goes through the hole.
+        let rays_of_each = 4000;
+        let plan = Plan { rays: rays_of_each * (tasks.len() * traces().len()) as u64, seed: 2 };
         let end = run(&tasks, &plan, Progress::new(&tasks, &plan), &|_| Ok(true)).unwrap();
         // Under every combination.
-        assert!(tasks.iter().all(|task| end.leaks_of(task.number) > 0));
+        let unseen = tasks.iter().find(|task| end.leaks_of(task.number) == 0);
+        assert!(unseen.is_none(), "{}", unseen.map(describe).unwrap_or_default());
+        println!("{} rays, {} leaks", end.rays(), end.leaks());
         assert!(end.described()[0].contains("box with a hole"));
     }
 }

@@ -78,7 +78,7 @@ pub mod prelude {
     pub use glam::{Affine3A, Quat, Vec2, Vec3, Vec4};
     pub use rayburst_accel::{
         AcceptAll, Blas, BuildControl, BuildOptions, BuildQuality, Builder, CandidateFilter, Cull,
-        FilterFn, Instance, Tlas, TraceOptions, TriangleMesh,
+        Curve, FilterFn, Instance, Tlas, TraceOptions, TriangleMesh,
     };
     pub use rayburst_image::{FilterKind, LayeredImage, RgbImage, ToneMap};
     pub use rayburst_math::{Aabb, Hit, HitKind, Ray, SamplerKind};

@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::{Vec3, Vec4};
 use rayburst_math::Aabb;
+use rayburst_simd::{Isa, IsaLevel, Kernel};
 use rayon::prelude::*;
 
 use super::bounds::Bounds4;
@@ -154,11 +155,31 @@ fn is_outside(mesh: &TriangleMesh<'_>, corners: &[u32; 3]) -> bool {
 }
 
 /// Whether all indices of a mesh name vertices.
-pub(crate) fn check_indices(geometry: usize, mesh: &TriangleMesh<'_>) -> Result<(), BuildError> {
+pub(crate) fn check_indices(
+    isa: IsaLevel,
+    geometry: usize,
+    mesh: &TriangleMesh<'_>,
+) -> Result<(), BuildError> {
     // The largest index is found in vectors; a search for one that is too large is not.
-    let largest = |corners: &[[u32; 3]]| corners.as_flattened().iter().copied().fold(0, u32::max);
+    let largest = |corners: &[[u32; 3]]| isa.dispatch(Largest(corners.as_flattened()));
     let fits = |corners: &[[u32; 3]]| (largest(corners) as usize) < mesh.positions.len();
     if mesh.indices.par_chunks(1 << 14).all(fits) { Ok(()) } else { Err(outside(geometry, mesh)) }
+}
+
+/// The largest of some numbers, or 0, as a kernel.
+struct Largest<'a>(&'a [u32]);
+
+impl Kernel for Largest<'_> {
+    type Output = u32;
+
+    #[inline(always)]
+    fn run<I: Isa>(self, _: I) -> u32 {
+        let mut largest = 0;
+        for &number in self.0 {
+            largest = largest.max(number);
+        }
+        largest
+    }
 }
 
 /// Whether the indices of one triangle name vertices.
@@ -174,7 +195,7 @@ pub(crate) fn check_triangle(
 }
 
 /// Names the first index that is out of range.
-fn outside(geometry: usize, mesh: &TriangleMesh<'_>) -> BuildError {
+pub(crate) fn outside(geometry: usize, mesh: &TriangleMesh<'_>) -> BuildError {
     let primitive = mesh.indices.iter().position(|corners| is_outside(mesh, corners));
     outside_at(geometry, mesh, primitive.unwrap_or_default())
 }

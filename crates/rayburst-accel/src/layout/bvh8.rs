@@ -13,13 +13,14 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use bytemuck::{Pod, Zeroable};
 use rayburst_math::Aabb;
-use rayburst_simd::Boxes8;
+use rayburst_simd::{Boxes8, Scalar, Triangles4, UNIT_WORDS};
 use rayon::prelude::*;
 
 use super::{
     arena::{Line, allocate, zeroed_vec},
     bvh2::{Bvh2, Node2},
     collapse::{Children, Collapse},
+    view::{BlockRoom, NodeRoom, TreeView},
 };
 use crate::BuildError;
 
@@ -39,8 +40,18 @@ impl Reference {
         self.0
     }
 
+    /// The reference that is stored as a word.
+    pub(crate) const fn of_word(word: u32) -> Self {
+        Self(word)
+    }
+
     pub(crate) const fn node(line: u32) -> Self {
         Self(line << 2)
+    }
+
+    /// A node of a compressed tree.
+    pub(crate) const fn node_of_unit(unit: u32) -> Self {
+        Self(unit << 3)
     }
 
     pub(crate) const fn leaf(value: u32) -> Self {
@@ -53,7 +64,8 @@ impl Reference {
         self.0 & 1 != 0
     }
 
-    /// What [`Leaves::place`] gave to a leaf; half lines from the start to a node.
+    /// What [`Leaves::place`] gave to a leaf; half lines from the start to a node. In a compressed tree
+    /// four times the units from the start, to a leaf one less than its triangles more.
     #[inline(always)]
     pub(crate) const fn value(self) -> u32 {
         self.0 >> 1
@@ -96,12 +108,16 @@ pub(crate) trait Leaves: Sync {
     fn write(&self, primitives: &[u32], words: &mut [u32]);
 }
 
-/// The 8-wide tree.
+/// The 8-wide tree, in one of two layouts.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Bvh8 {
     lines: Vec<Line>,
+    /// Whether nodes and leaves are those of [`super::compressed`].
+    compressed: bool,
     /// Where the nodes above clusters start, if there are any; see [`super::hlbvh8`].
     above: Option<usize>,
+    /// Whether boxes may be larger than what is in them, after a refit of a few triangles.
+    pub(crate) loose: bool,
     pub(crate) bounds: Aabb,
     pub(crate) shape: Shape,
 }
@@ -128,7 +144,7 @@ impl Bvh8 {
                 Node8 { boxes: Boxes8::EMPTY, children: [Reference::NONE; 8], spare: [0; 8] };
             lines.copy_from_slice(bytemuck::cast_slice(&[node]));
             let shape = Shape { nodes: 1, depth: 1, ..Shape::default() };
-            return Ok(Self { lines, above: None, bounds: Aabb::EMPTY, shape });
+            return Ok(Self::of_lines(lines, Aabb::EMPTY, shape));
         }
         let sizes = zeroed_vec(tree.nodes.len(), "the sizes of wide nodes")?;
         let writer = Writer { tree, collapse: Collapse::new(tree)?, leaves, sizes };
@@ -138,12 +154,17 @@ impl Bvh8 {
         writer.write(0, 0, &mut lines, 0);
         let sah_cost = plan.area / f64::from(bounds.half_area()).max(f64::MIN_POSITIVE);
         let shape = Shape { sah_cost: sah_cost as f32, ..plan.shape };
-        Ok(Self { lines, above: None, bounds, shape })
+        Ok(Self::of_lines(lines, bounds, shape))
     }
 
     /// A tree that was written elsewhere; its root is at the start.
     pub(crate) fn of_lines(lines: Vec<Line>, bounds: Aabb, shape: Shape) -> Self {
-        Self { lines, above: None, bounds, shape }
+        Self { lines, compressed: false, above: None, loose: false, bounds, shape }
+    }
+
+    /// A compressed tree.
+    pub(crate) fn of_units(lines: Vec<Line>, bounds: Aabb, shape: Shape) -> Self {
+        Self { lines, compressed: true, above: None, loose: false, bounds, shape }
     }
 
     /// The same with nodes above clusters from some line on.
@@ -173,37 +194,48 @@ impl Bvh8 {
         7 * self.shape.depth
     }
 
-    /// Half lines in all.
-    pub(crate) fn half_lines(&self) -> usize {
-        self.lines.len() * 2
+    /// Whether nodes and leaves are those of [`super::compressed`].
+    pub(crate) fn is_compressed(&self) -> bool {
+        self.compressed
     }
 
-    /// The address of what is stored some half lines from the start, for prefetching.
-    #[inline(always)]
-    pub(crate) fn address(&self, half_line: u32) -> *const u8 {
-        self.lines.as_ptr().cast::<u8>().wrapping_add(half_line as usize * 32)
+    /// Half lines in all; units if it is compressed.
+    pub(crate) fn extent(&self) -> usize {
+        if self.compressed { self.bytes() / (4 * UNIT_WORDS) } else { self.lines.len() * 2 }
     }
 
-    /// An inner node.
+    /// What traversal sees.
     #[inline(always)]
-    pub(crate) fn node(&self, reference: Reference) -> &Node8 {
+    pub(crate) fn view(&self) -> TreeView {
+        TreeView::new(self.lines.as_ptr().cast(), self.compressed)
+    }
+
+    /// An inner node as one of four lines.
+    pub(crate) fn node(&self, reference: Reference) -> Node8 {
         debug_assert!(!reference.is_leaf());
-        // SAFETY: references to inner nodes come only from `Writer::write`, which put a node of four
-        // lines there; the lines have a node's alignment and live as long as `self`.
-        unsafe { self.block(reference.value()) }
+        let mut room = NodeRoom::new();
+        // SAFETY: references to inner nodes come only from writers of trees.
+        let (boxes, words) = unsafe { self.view().node(Scalar, reference, &mut room) };
+        let mut node = Node8 { boxes: *boxes, children: bytemuck::cast(*words), spare: [0; 8] };
+        for slot in 0..8 {
+            // An empty slot of a compressed node is empty along one axis only.
+            if node.boxes.planes[0][slot] > node.boxes.planes[1][slot] {
+                for (row, empty) in node.boxes.planes.iter_mut().zip(Boxes8::EMPTY.planes) {
+                    row[slot] = empty[slot];
+                }
+                if self.compressed {
+                    node.children[slot] = Reference::NONE;
+                }
+            }
+        }
+        node
     }
 
-    /// What is stored some half lines from the start.
-    ///
-    /// # Safety
-    /// A `T` that ends within the structure must be stored there, at its alignment.
-    #[inline(always)]
-    pub(crate) unsafe fn block<T: Pod>(&self, half_line: u32) -> &T {
-        debug_assert!(half_line as usize * 32 + size_of::<T>() <= self.bytes());
-        let address = self.address(half_line).cast::<T>();
-        debug_assert!(address.is_aligned());
-        // SAFETY: the caller's promise; every bit pattern is a `T`.
-        unsafe { &*address }
+    /// The triangles of a leaf of a BLAS.
+    pub(crate) fn block(&self, value: u32) -> Triangles4 {
+        let mut room = BlockRoom::new();
+        // SAFETY: callers take values from the leaves of the tree.
+        *unsafe { self.view().leaf(value) }.block(Scalar, &mut room)
     }
 }
 

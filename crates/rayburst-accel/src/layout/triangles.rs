@@ -32,6 +32,12 @@ impl TriangleId {
         self.0
     }
 
+    /// What is stored as a word.
+    #[inline(always)]
+    pub(crate) fn of_word(word: u32) -> Self {
+        Self(word)
+    }
+
     #[inline(always)]
     pub(crate) fn of_lane(block: &Triangles4, lane: usize) -> Self {
         Self(block.ids[lane])

@@ -40,7 +40,7 @@ impl Links {
         known: &[u32],
         triangles: impl Fn(u32) -> T,
     ) -> Self {
-        let mut parents = vec![0; tree.half_lines() / 2];
+        let mut parents = vec![0; tree.extent() / 2];
         let mut others = vec![];
         let mut stack = vec![Reference::ROOT];
         while let Some(node) = stack.pop() {
@@ -100,6 +100,7 @@ impl Blas {
         geometries: &[TriangleMesh<'_>],
         changed: &[(u32, u32)],
     ) -> Result<RefitReport, BuildError> {
+        self.check_layout()?;
         self.check_counts(geometries)?;
         let (blocks, links) = self.take_links();
         let report = self.places(geometries, changed, &blocks, &links);
@@ -174,6 +175,7 @@ impl Blas {
         let sah_after = (area + root - root_before) / root.max(f64::MIN_POSITIVE);
         let sah_after = if bounds.is_empty() { 0.0 } else { sah_after as f32 };
         tree.bounds = bounds;
+        tree.loose |= !places.is_empty();
         tree.shape.sah_cost = sah_after;
         stats.primitives = stats.primitives + difference.returned - difference.vanished;
         stats.inactive = stats.inactive + difference.vanished - difference.returned;

@@ -41,6 +41,7 @@ impl Blas {
     /// another refit brings it back. One that could not be hit when the structure was *built* is not
     /// in it, so it is an error, after which the structure is as before, if it can be hit now.
     pub fn refit(&mut self, geometries: &[TriangleMesh<'_>]) -> Result<RefitReport, BuildError> {
+        self.check_layout()?;
         self.check_topology(geometries)?;
         let (count, isa) = (self.geometry_count(), self.isa());
         let (tree, starts, _) = self.parts();
@@ -51,6 +52,7 @@ impl Blas {
         let sah_after = if bounds.is_empty() { 0.0 } else { (done.area / root) as f32 };
         let boxes_changed = done.changed + usize::from(tree.bounds != bounds);
         tree.bounds = bounds;
+        tree.loose = false;
         tree.shape.sah_cost = sah_after;
         let total = starts[count] as usize;
         let absent = self.absent().len();
@@ -62,10 +64,15 @@ impl Blas {
         Ok(RefitReport { bounds, sah_before, sah_after, boxes_changed })
     }
 
+    /// Compressed structures cannot be refitted.
+    fn check_layout(&self) -> Result<(), BuildError> {
+        if self.tree.is_compressed() { Err(BuildError::CompressedRefit) } else { Ok(()) }
+    }
+
     fn check_topology(&self, geometries: &[TriangleMesh<'_>]) -> Result<(), BuildError> {
         self.check_counts(geometries)?;
         for (geometry, mesh) in geometries.iter().enumerate() {
-            check_indices(geometry, mesh)?;
+            check_indices(self.isa(), geometry, mesh)?;
         }
         for &triangle in self.absent() {
             let (geometry, primitive) = self.locate(triangle);

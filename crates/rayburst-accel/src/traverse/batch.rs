@@ -1,5 +1,5 @@
 //! What becomes of a batch of rays: bundles where consecutive rays go the same way, the others
-//! interleaved.
+//! interleaved, sorted if that is asked for.
 
 use std::cell::Cell;
 
@@ -10,7 +10,7 @@ use super::{
     answers::Answers,
     bundle::{self, BUNDLE},
     count::Count,
-    interleaved,
+    interleaved, stream,
 };
 use crate::{
     CandidateFilter, TraceMode,
@@ -34,13 +34,19 @@ pub(crate) fn trace<'a, I: Isa, S: Structure, F: CandidateFilter, C: Count, A: A
     answers: &mut A,
 ) {
     let mode = tracer.options.mode;
+    let sorts = mode == TraceMode::Stream;
     let bundles = !S::TWO_LEVEL && mode != TraceMode::Interleaved;
+    let size = if sorts { stream::PIECE } else { PIECE };
     let mut others = OTHERS.take();
     let mut luck = Luck::default();
-    for piece in (0..rays.len()).step_by(PIECE) {
+    for piece in (0..rays.len()).step_by(size) {
         others.clear();
-        let end = (piece + PIECE).min(rays.len());
-        for first in (piece..end).step_by(BUNDLE) {
+        let end = (piece + size).min(rays.len());
+        if sorts {
+            stream::sort(&rays[piece..end], piece as u32, &mut others);
+        }
+        let unsorted = if sorts { end } else { piece };
+        for first in (unsorted..end).step_by(BUNDLE) {
             let part = first..(first + BUNDLE).min(end);
             let before = others.len();
             if bundles

@@ -1,8 +1,6 @@
 //! Counting what a traversal visits, at no cost when nobody asks.
 
-use rayburst_simd::Triangles4;
-
-use crate::{Counters, layout::triangles::TriangleId};
+use crate::{Counters, layout::view::Leaf};
 
 /// Something that hears of every visit.
 pub(crate) trait Count: Copy + Default {
@@ -10,8 +8,12 @@ pub(crate) trait Count: Copy + Default {
     const ACTIVE: bool;
 
     fn node(&mut self);
-    fn leaf(&mut self, block: &Triangles4);
+    fn leaf(&mut self, leaf: Leaf<'_>);
     fn instance(&mut self);
+    /// So many other rays were on their way at the last visit.
+    fn beside(&mut self, others: u32);
+    /// The last node was visited with a bundle.
+    fn bundled(&mut self);
 }
 
 /// Hears nothing.
@@ -24,9 +26,13 @@ impl Count for NoCount {
     #[inline(always)]
     fn node(&mut self) {}
     #[inline(always)]
-    fn leaf(&mut self, _: &Triangles4) {}
+    fn leaf(&mut self, _: Leaf<'_>) {}
     #[inline(always)]
     fn instance(&mut self) {}
+    #[inline(always)]
+    fn beside(&mut self, _: u32) {}
+    #[inline(always)]
+    fn bundled(&mut self) {}
 }
 
 impl Count for Counters {
@@ -35,14 +41,24 @@ impl Count for Counters {
     #[inline(always)]
     fn node(&mut self) {
         self.nodes += 1;
+        self.in_flight += 1;
     }
     #[inline(always)]
-    fn leaf(&mut self, block: &Triangles4) {
+    fn leaf(&mut self, leaf: Leaf<'_>) {
         self.leaves += 1;
-        self.triangles += TriangleId::used_lanes(block);
+        self.in_flight += 1;
+        self.triangles += leaf.used_lanes();
     }
     #[inline(always)]
     fn instance(&mut self) {
         self.instances += 1;
+    }
+    #[inline(always)]
+    fn beside(&mut self, others: u32) {
+        self.in_flight = self.in_flight.saturating_add(others);
+    }
+    #[inline(always)]
+    fn bundled(&mut self) {
+        self.packet_nodes += 1;
     }
 }

@@ -26,10 +26,7 @@ use super::{
 };
 use crate::{
     CandidateFilter, TraceOptions,
-    layout::{
-        arena::Line,
-        bvh8::{Node8, Reference},
-    },
+    layout::{arena::Line, bvh8::Reference, view::TreeView},
     structure::{Structure, Tracer},
 };
 
@@ -56,8 +53,8 @@ struct Flight<'a, Q, C> {
     current: Reference,
     top: u32,
     index: u32,
-    /// The memory of the tree that `current` leads into.
-    base: *const u8,
+    /// The tree that `current` leads into.
+    tree: TreeView,
     query: Q,
     /// Where the ray is; nowhere while it is among instances.
     place: Option<Place<'a>>,
@@ -125,6 +122,12 @@ struct Sets {
 }
 
 impl Sets {
+    /// Flights in all of them.
+    #[inline(always)]
+    fn len(&self) -> u32 {
+        (self.inner | self.leaf | self.done).count_ones()
+    }
+
     /// Puts a flight where its next reference belongs.
     #[inline(always)]
     fn sort_in(&mut self, slot: u32, next: Reference) {
@@ -154,7 +157,7 @@ pub(crate) fn trace<'a, I: Isa, S: Structure, F: CandidateFilter, C: Count, A: A
         rays,
         order,
         entries: hangar.entries,
-        base: structure.root_memory(),
+        tree: structure.root_view(),
         memory: hangar.lines.as_mut_ptr(),
         stride: hangar.stride,
     };
@@ -165,15 +168,27 @@ pub(crate) fn trace<'a, I: Isa, S: Structure, F: CandidateFilter, C: Count, A: A
         unsafe { pilot.start(slot as u32, &mut next, tracer, counts, answers, &mut sets) };
     }
     loop {
+        // Rays that are done make place for others: a round has about as many all the time.
+        let others = if C::ACTIVE { sets.len().saturating_sub(1) } else { 0 };
         let mut inner = std::mem::take(&mut sets.inner);
         while inner != 0 {
             // SAFETY: flights in sets were started, and each is in one set only.
-            unsafe { pilot.node::<A::Query, C>(take_bit(&mut inner), &mut sets) };
+            unsafe {
+                let slot = take_bit(&mut inner);
+                (*pilot.flight::<A::Query, C>(slot)).count.beside(others);
+                pilot.node::<A::Query, C>(slot, &mut sets);
+            }
         }
         let mut leaf = std::mem::take(&mut sets.leaf);
         while leaf != 0 {
             // SAFETY: as above.
-            unsafe { pilot.leaf::<A::Query, C>(take_bit(&mut leaf), &mut sets) };
+            unsafe {
+                let slot = take_bit(&mut leaf);
+                let flight = &mut *pilot.flight::<A::Query, C>(slot);
+                // Instances are among leaves, and no visits.
+                flight.count.beside(if flight.place.is_some() { others } else { 0 });
+                pilot.leaf::<A::Query, C>(slot, &mut sets);
+            }
         }
         let mut done = std::mem::take(&mut sets.done);
         while done != 0 {
@@ -211,7 +226,7 @@ struct Pilot<'a, 'b, I, S, F> {
     rays: &'a [Ray],
     order: &'b [u32],
     entries: usize,
-    base: *const u8,
+    tree: TreeView,
     memory: *mut Line,
     stride: usize,
 }
@@ -246,7 +261,8 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
             if let Some((prepared, place)) = entered {
                 let span = prepared.span(ray.t_min, query.t_max());
                 if span.t_min >= 0.0 {
-                    let mut count = C::default();
+                    // A bundle may have begun.
+                    let mut count = if C::ACTIVE { counts[index] } else { C::default() };
                     if S::IS_INSTANCE {
                         count.instance();
                     }
@@ -259,7 +275,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
                             current: Reference::ROOT,
                             top: BOTTOM as u32,
                             index: index as u32,
-                            base: self.structure.root_memory(),
+                            tree: self.structure.root_view(),
                             query,
                             place,
                             count,
@@ -272,8 +288,6 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
                 tracer.count = C::default();
                 tracer.trace(index, ray, &mut query);
                 counts[index] = tracer.count;
-            } else {
-                counts[index] = C::default();
             }
             answers.end(self.structure, index, &query);
         }
@@ -291,14 +305,12 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
             let flight = self.flight::<Q, C>(slot);
             let f = &mut *flight;
             f.count.node();
-            let base = if S::TWO_LEVEL { f.base } else { self.base };
-            let node = &*base.add(f.current.value() as usize * 32).cast::<Node8>();
+            let tree = if S::TWO_LEVEL { f.tree } else { self.tree };
             let top = f.top as usize;
             let keys = keys(flight);
             let references = keys.add(self.entries);
-            let (t_min, t_max) = (f.span.t_min, f.span.t_max);
+            let t_max = f.span.t_max;
             let found = &mut *references.add(top).cast::<[u32; 8]>();
-            let children = (&node.boxes, node.child_words());
             let (place, next);
             if Q::ORDERED {
                 let sorted = &mut *keys.add(top).cast::<[u32; 8]>();
@@ -306,22 +318,22 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
                 let live = self.isa.last_within8(below, limit(t_max));
                 let mut popped = top - 9 + live;
                 let (count, nearest) =
-                    self.isa.sorted8(children, &f.ray.slab, t_min, t_max, sorted, found);
+                    tree.sorted8(self.isa, f.current, &f.ray.slab, &f.span, sorted, found);
                 if (live == 0) & (count == 0) {
                     popped = self.pop(keys, top - 8, t_max);
                 }
                 place = if count != 0 { top + count - 1 } else { popped };
                 let waiting = *references.add(popped).cast::<Reference>();
-                let child = *node.children.get_unchecked(nearest as usize);
+                let child = tree.child(f.current, nearest);
                 next = if count != 0 { child } else { waiting };
             } else {
-                let (count, first) = self.isa.met8(children, &f.ray.slab, t_min, t_max, found);
+                let (count, first) = tree.met8(self.isa, f.current, &f.ray.slab, &f.span, found);
                 place = top.wrapping_add(count).wrapping_sub(1);
                 let waiting = *references.add(top - 1).cast::<Reference>();
-                let child = *node.children.get_unchecked(first as usize);
+                let child = tree.child(f.current, first);
                 next = if count != 0 { child } else { waiting };
             }
-            self.advance::<Q, C>(slot, base, place, next, sets);
+            self.advance::<Q, C>(slot, tree, place, next, sets);
         }
     }
 
@@ -350,7 +362,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
     unsafe fn advance<Q: OneHit, C: Count>(
         &self,
         slot: u32,
-        base: *const u8,
+        tree: TreeView,
         place: usize,
         next: Reference,
         sets: &mut Sets,
@@ -361,11 +373,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
             (*flight).current = next;
             (*flight).top = place as u32;
         }
-        let address = base.wrapping_add(next.value() as usize * 32);
-        self.isa.prefetch(address);
-        self.isa.prefetch(address.wrapping_add(64));
-        self.isa.prefetch(address.wrapping_add(128));
-        self.isa.prefetch(address.wrapping_add(192));
+        tree.prefetch(self.isa, next);
         sets.sort_in(slot, next);
     }
 
@@ -397,7 +405,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
                 &mut f.count,
             );
             let top = f.top as usize;
-            let base = if S::TWO_LEVEL { f.base } else { self.base };
+            let tree = if S::TWO_LEVEL { f.tree } else { self.tree };
             let place = if ended == ControlFlow::Break(()) {
                 BOTTOM - 1
             } else if Q::ORDERED {
@@ -406,7 +414,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
                 top - 1
             };
             let next = *keys(flight).add(self.entries + place).cast::<Reference>();
-            self.advance::<Q, C>(slot, base, place, next, sets);
+            self.advance::<Q, C>(slot, tree, place, next, sets);
         }
     }
 
@@ -426,7 +434,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
                 f.count.instance();
                 f.span = prepared.span(ray.t_min, f.query.t_max());
                 f.ray = prepared;
-                f.base = place.blas.tree.address(0);
+                f.tree = place.blas.tree.view();
                 f.place = Some(place);
                 f.current = Reference::ROOT;
                 let top = f.top as usize;
@@ -455,7 +463,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
                 f.span = prepared.span(ray.t_min, f.query.t_max());
                 f.ray = prepared;
                 f.place = place;
-                f.base = self.structure.root_memory();
+                f.tree = self.structure.root_view();
             }
             self.resume::<Q, C>(slot, sets);
         }
@@ -473,7 +481,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
             let (top, t_max) = ((*flight).top as usize, (*flight).span.t_max);
             let place = if Q::ORDERED { self.pop(keys(flight), top, t_max) } else { top - 1 };
             let next = *keys(flight).add(self.entries + place).cast::<Reference>();
-            self.advance::<Q, C>(slot, (*flight).base, place, next, sets);
+            self.advance::<Q, C>(slot, (*flight).tree, place, next, sets);
         }
     }
 }

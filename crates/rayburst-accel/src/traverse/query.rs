@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use rayburst_math::{Hit, HitKind, Ray};
-use rayburst_simd::{Isa, TriangleHits, Triangles4, barycentric};
+use rayburst_simd::{Isa, TriangleHits, barycentric};
 
 use super::{
     count::Count,
@@ -11,13 +11,16 @@ use super::{
     walk::{Leaves, Stack, walk},
 };
 use crate::{
-    Blas, CandidateFilter, Cull, InstanceFlags, TraceOptions, layout::triangles::TriangleId,
+    Blas, CandidateFilter, Cull, InstanceFlags, TraceOptions,
+    layout::{triangles::TriangleId, view::Leaf},
 };
 
 /// A query, asked whether it wants the triangles that a ray meets.
 pub(crate) trait Query {
     /// Whether near subtrees are visited first.
     const ORDERED: bool;
+    /// Whether the interval of an ordered query ends at what it took last.
+    const ENDS_AT_TAKEN: bool = true;
 
     /// The end of the interval that still matters, in units of the ray's direction.
     fn t_max(&self) -> f32;
@@ -100,11 +103,11 @@ impl<'a> Place<'a> {
 
     /// Of lanes, those that the filter has a say in.
     #[inline(always)]
-    pub(crate) fn translucent(&self, block: &Triangles4) -> u32 {
+    pub(crate) fn translucent(&self, leaf: Leaf<'_>) -> u32 {
         match self.force_opaque {
             Some(true) => 0,
             Some(false) => u32::MAX,
-            None => TriangleId::translucent_lanes(block),
+            None => leaf.translucent_lanes(),
         }
     }
 
@@ -166,19 +169,19 @@ pub(crate) fn test_leaf<I: Isa, Q: OneHit, F: CandidateFilter, C: Count>(
     query: &mut Q,
     count: &mut C,
 ) -> ControlFlow<()> {
-    // SAFETY: values of a BLAS' leaves come from `TriangleLeaves::place`: a block is there.
-    let block: &Triangles4 = unsafe { place.blas.tree.block(value) };
-    count.leaf(block);
-    let nearest = isa.nearest4(block, &ray.shear, span.t_min, span.t_max, place.keep);
+    // SAFETY: values of a BLAS' leaves come from writers of its tree.
+    let leaf = unsafe { place.blas.tree.view().leaf(value) };
+    count.leaf(leaf);
+    let nearest = leaf.nearest4(isa, &ray.shear, span, place.keep);
     let mut plain = !nearest.doubtful & (nearest.t != span.t_max);
     // Distances that the ray's units cannot express exactly.
     plain &= nearest.t.abs() >= ray.smallest();
     if F::ACTIVE {
-        plain &= nearest.mask & place.translucent(block) == 0;
+        plain &= nearest.mask & place.translucent(leaf) == 0;
     }
     if !plain {
         query.settle(place, ray, span);
-        return test_each(isa, place, ray, block, asker, span, query);
+        return test_each(isa, place, ray, leaf, asker, span, query);
     }
     let hit = nearest.mask != 0;
     if Q::ORDERED {
@@ -205,30 +208,30 @@ pub(crate) fn settle_candidate(
 ) -> Candidate {
     let (value, lane) = ((pending.0 >> 2) as u32, pending.0 as usize % 4);
     // SAFETY: the value is one that `test_leaf` had.
-    let block: &Triangles4 = unsafe { place.blas.tree.block(value) };
-    let (u, v, counter_clockwise) = barycentric(block, &ray.shear, lane);
+    let leaf = unsafe { place.blas.tree.view().leaf(value) };
+    let (u, v, counter_clockwise) = barycentric(&leaf.corners(lane), &ray.shear);
     Candidate {
         t: ray.external(t),
         u,
         v,
-        triangle: TriangleId::of_lane(block, lane).triangle(),
+        triangle: leaf.id(lane).triangle(),
         front: place.front(u32::from(counter_clockwise)) & 1 != 0,
     }
 }
 
-/// Offers a query one by one the triangles of a block that a ray meets.
+/// Offers a query one by one the triangles of a leaf that a ray meets.
 #[inline(always)]
 pub(crate) fn test_each<I: Isa, Q: Query, F: CandidateFilter>(
     isa: I,
     place: &Place<'_>,
     ray: &PreparedRay,
-    block: &Triangles4,
+    leaf: Leaf<'_>,
     asker: &Asker<'_, F>,
     span: &mut Span,
     query: &mut Q,
 ) -> ControlFlow<()> {
     let mut hits = TriangleHits::NONE;
-    let mut mask = isa.triangles4(block, &ray.shear, span.t_min, span.t_max, &mut hits);
+    let mut mask = leaf.triangles4(isa, &ray.shear, span, &mut hits);
     if mask == 0 {
         return ControlFlow::Continue(());
     }
@@ -237,7 +240,7 @@ pub(crate) fn test_each<I: Isa, Q: Query, F: CandidateFilter>(
     while mask != 0 {
         let lane = mask.trailing_zeros() as usize % 4;
         mask &= mask - 1;
-        let id = TriangleId::of_lane(block, lane);
+        let id = leaf.id(lane);
         let t = without_sign_of_zero(hits.t[lane]);
         let candidate = Candidate {
             t: ray.external(t),
@@ -256,8 +259,8 @@ pub(crate) fn test_each<I: Isa, Q: Query, F: CandidateFilter>(
         {
             query.take(&candidate, place)?;
             if Q::ORDERED {
-                let exact = t.abs() >= ray.smallest();
-                span.t_max = if exact { t } else { ray.span(0.0, candidate.t).t_max };
+                let exact = Q::ENDS_AT_TAKEN && t.abs() >= ray.smallest();
+                span.t_max = if exact { t } else { ray.span(0.0, query.t_max()).t_max };
             }
         }
     }
@@ -276,12 +279,15 @@ pub(crate) fn trace_blas<I: Isa, Q: Query, F: CandidateFilter, C: Count>(
     count: &mut C,
 ) -> ControlFlow<()> {
     let mut span = ray.span(asker.ray.t_min, query.t_max());
-    let tree = &place.blas.tree;
+    let tree = place.blas.tree.view();
     let mut leaves = Blocks { isa, place, ray, asker, query };
-    if Q::ORDERED {
-        walk::<I, C, true>(isa, tree, &ray.slab, &mut span, stack, count, &mut leaves)
-    } else {
-        walk::<I, C, false>(isa, tree, &ray.slab, &mut span, stack, count, &mut leaves)
+    // SAFETY: the place borrows the BLAS, which owns the tree.
+    unsafe {
+        if Q::ORDERED {
+            walk::<I, C, true>(isa, tree, &ray.slab, &mut span, stack, count, &mut leaves)
+        } else {
+            walk::<I, C, false>(isa, tree, &ray.slab, &mut span, stack, count, &mut leaves)
+        }
     }
 }
 
@@ -298,9 +304,9 @@ struct Blocks<'a, 'b, I, F, Q> {
 impl<I: Isa, F: CandidateFilter, Q: Query, C: Count> Leaves<C> for Blocks<'_, '_, I, F, Q> {
     #[inline(always)]
     fn visit(&mut self, value: u32, span: &mut Span, count: &mut C) -> ControlFlow<()> {
-        // SAFETY: values of a BLAS' leaves come from `TriangleLeaves::place`: a block is there.
-        let block: &Triangles4 = unsafe { self.place.blas.tree.block(value) };
-        count.leaf(block);
-        test_each(self.isa, self.place, self.ray, block, self.asker, span, self.query)
+        // SAFETY: values of a BLAS' leaves come from writers of its tree.
+        let leaf = unsafe { self.place.blas.tree.view().leaf(value) };
+        count.leaf(leaf);
+        test_each(self.isa, self.place, self.ray, leaf, self.asker, span, self.query)
     }
 }

@@ -11,7 +11,7 @@ use rayburst_simd::{Isa, SlabRay};
 use super::{count::Count, prepare::Span};
 use crate::{
     build::binned_sah::MAX_DEPTH,
-    layout::bvh8::{Bvh8, Node8, Reference},
+    layout::{bvh8::Reference, view::TreeView},
 };
 
 /// Seven siblings a level, the bottom and one to spare, as a power of two.
@@ -117,23 +117,32 @@ fn first(mask: u32) -> usize {
 }
 
 /// A met child, whose memory is asked for.
+///
+/// # Safety
+/// The reference must be that of an inner node of the tree.
 #[inline(always)]
-fn take<I: Isa>(isa: I, tree: &Bvh8, node: &Node8, distances: &[f32; 8], slot: usize) -> Entry {
-    let child = node.children[slot];
-    let address = tree.address(child.value());
-    isa.prefetch(address);
-    isa.prefetch(address.wrapping_add(64));
-    isa.prefetch(address.wrapping_add(128));
-    isa.prefetch(address.wrapping_add(192));
+unsafe fn take<I: Isa>(
+    isa: I,
+    tree: TreeView,
+    node: Reference,
+    distances: &[f32; 8],
+    slot: usize,
+) -> Entry {
+    // SAFETY: the caller's promise.
+    let child = unsafe { tree.child(node, slot as u32) };
+    tree.prefetch(isa, child);
     Entry { key: key(distances[slot]), child }
 }
 
 /// Visits the leaves whose boxes a ray may meet within `span`, which `leaves` may shorten;
 /// nearest first if `ORDERED`. Stops when they break.
+///
+/// # Safety
+/// The tree must live until the walk is over.
 #[inline(always)]
-pub(crate) fn walk<I: Isa, C: Count, const ORDERED: bool>(
+pub(crate) unsafe fn walk<I: Isa, C: Count, const ORDERED: bool>(
     isa: I,
-    tree: &Bvh8,
+    tree: TreeView,
     ray: &SlabRay,
     span: &mut Span,
     stack: &mut Stack,
@@ -152,15 +161,18 @@ pub(crate) fn walk<I: Isa, C: Count, const ORDERED: bool>(
             leaves.visit(current.value(), span, count)?;
         } else {
             count.node();
-            let node = tree.node(current);
-            let mask = isa.slab8(&node.boxes, ray, span.t_min, span.t_max, &mut distances);
+            let node = current;
+            // SAFETY: the caller's promise; references to inner nodes come from the tree.
+            let mask = unsafe { tree.slab8(isa, node, ray, span, &mut distances) };
             if mask != 0 {
                 let slot = first(mask);
-                let mut nearest = take(isa, tree, node, &distances, slot);
+                // SAFETY: as above.
+                let mut nearest = unsafe { take(isa, tree, node, &distances, slot) };
                 let mut rest = mask & (mask - 1);
                 if !ORDERED {
                     while rest != 0 {
-                        let child = node.children[first(rest)];
+                        // SAFETY: as above.
+                        let child = unsafe { tree.child(node, first(rest) as u32) };
                         rest &= rest - 1;
                         stack.set(top, Entry { key: 0, child });
                         top += 1;
@@ -168,7 +180,8 @@ pub(crate) fn walk<I: Isa, C: Count, const ORDERED: bool>(
                 } else if rest != 0 {
                     let other_slot = first(rest);
                     rest &= rest - 1;
-                    let mut other = take(isa, tree, node, &distances, other_slot);
+                    // SAFETY: as above.
+                    let mut other = unsafe { take(isa, tree, node, &distances, other_slot) };
                     if distances[other_slot] < distances[slot] {
                         std::mem::swap(&mut other, &mut nearest);
                     }
@@ -176,7 +189,8 @@ pub(crate) fn walk<I: Isa, C: Count, const ORDERED: bool>(
                     stack.set(top, other);
                     top += 1;
                     while rest != 0 {
-                        let entry = take(isa, tree, node, &distances, first(rest));
+                        // SAFETY: as above.
+                        let entry = unsafe { take(isa, tree, node, &distances, first(rest)) };
                         rest &= rest - 1;
                         // SAFETY: entries from `base` to `top` were set above.
                         nearest = unsafe { stack.insert(base, top, nearest, entry) };

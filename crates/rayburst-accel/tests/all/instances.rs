@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use glam::{Affine3A, Mat3, Quat, Vec3};
 use rayburst_accel::{
-    AcceptAll, Blas, BuildError, BuildOptions, Instance, IsaLevel, Tlas, TraceOptions, TriangleMesh,
+    AcceptAll, Blas, BuildError, BuildOptions, Instance, IsaLevel, Layout, Tlas, TraceOptions,
+    TriangleMesh,
 };
 use rayburst_math::{Hit, Ray};
 
@@ -33,10 +34,14 @@ fn transform(random: &mut Random, kind: usize) -> Affine3A {
     )
 }
 
-/// What is instanced, and the same as one mesh in the world.
+/// What is instanced, in both layouts, and the same as one mesh in the world.
 pub fn scene(isa: IsaLevel) -> (Tlas, Mesh, Vec<u32>) {
     let parts = [soup(41, 60, 0.4), sphere(6)];
-    let blases = parts.iter().map(|mesh| Arc::new(mesh.blas(isa))).collect();
+    let blases = parts.iter().zip(Layout::ALL).map(|(mesh, layout)| {
+        let options = BuildOptions { layout, ..with_isa(isa) };
+        Arc::new(Blas::build(&[mesh.geometry()], &options).unwrap())
+    });
+    let blases = blases.collect();
     let mut random = Random::new(42);
     let (mut instances, mut flat, mut firsts) = (vec![], Mesh::default(), vec![]);
     for i in 0..40 {

@@ -8,6 +8,7 @@ mod fuzzed;
 mod instances;
 mod meshes;
 mod modes;
+mod nearest;
 mod oracle;
 mod oracle_tests;
 mod refit;

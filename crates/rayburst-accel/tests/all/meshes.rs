@@ -1,7 +1,9 @@
 //! Small meshes of the kinds that break structures.
 
 use glam::Vec3;
-use rayburst_accel::{Blas, BuildOptions, BuildQuality, Builder, Curve, IsaLevel, TriangleMesh};
+use rayburst_accel::{
+    Blas, BuildOptions, BuildQuality, Builder, Curve, IsaLevel, Layout, TriangleMesh,
+};
 use rayburst_math::Ray;
 
 /// A reproducible stream of numbers (SplitMix64).
@@ -87,7 +89,7 @@ pub fn with_quality(quality: BuildQuality) -> BuildOptions<'static> {
     BuildOptions { quality, ..BuildOptions::default() }
 }
 
-/// Options of every builder, every curve and every quality.
+/// Options of every builder, every curve, every quality and every layout.
 pub fn all_builds() -> Vec<BuildOptions<'static>> {
     let along_curves = [Builder::Lbvh, Builder::Hlbvh, Builder::Ploc].into_iter().flat_map(|b| {
         [Curve::Morton, Curve::Hilbert].map(|curve| BuildOptions {
@@ -96,7 +98,8 @@ pub fn all_builds() -> Vec<BuildOptions<'static>> {
             ..BuildOptions::default()
         })
     });
-    QUALITIES.map(with_quality).into_iter().chain(along_curves).collect()
+    let builds = QUALITIES.map(with_quality).into_iter().chain(along_curves);
+    builds.flat_map(|build| Layout::ALL.map(|layout| BuildOptions { layout, ..build })).collect()
 }
 
 /// Random triangles of some size in [−1, 1]³.

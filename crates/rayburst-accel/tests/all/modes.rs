@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{Affine3A, Quat, Vec3};
 use rayburst_accel::{
     AcceptAll, Blas, BuildOptions, CandidateFilter, Counters, Cull, FilterFn, Instance,
-    InstanceFlags, IsaLevel, Tlas, TraceMode, TraceOptions,
+    InstanceFlags, IsaLevel, Layout, Tlas, TraceMode, TraceOptions,
 };
 use rayburst_math::{Hit, Ray};
 
@@ -13,9 +13,6 @@ use crate::{
     instances,
     meshes::{Mesh, QUALITIES, Random, degenerate, grid_box, needles, ray_at, soup, sphere},
 };
-
-const MODES: [TraceMode; 4] =
-    [TraceMode::Single, TraceMode::Interleaved, TraceMode::Packet, TraceMode::Auto];
 
 /// Answers of a batch: nearest hits, and whether there are any.
 type Answers = (Vec<Hit>, Vec<bool>);
@@ -144,7 +141,7 @@ fn check(structure: &impl Trace, rays: &[Ray]) -> usize {
         assert!(plain.0.iter().zip(&plain.1).all(|(hit, &any)| hit.is_hit() == any));
         assert!(sieved.0.iter().zip(&sieved.1).all(|(hit, &any)| hit.is_hit() == any));
         hit_count += plain.1.iter().filter(|&&any| any).count();
-        for mode in MODES {
+        for mode in TraceMode::ALL {
             assert_eq!(structure.trace(rays, &options(mode), &AcceptAll), plain, "{mode:?}");
             assert_eq!(structure.trace(rays, &options(mode), &sieve), sieved, "{mode:?}");
             let mut at = 0;
@@ -177,9 +174,13 @@ fn modes_agree_on_meshes_of_every_kind_and_build() {
         let rays = [rays(76, 1600, mesh), coherent_rays(80, 40, mesh)].concat();
         for isa in IsaLevel::available() {
             for quality in QUALITIES {
-                let options = BuildOptions { quality, isa: Some(isa), ..BuildOptions::default() };
-                let geometry = rayburst_accel::TriangleMesh { opaque: false, ..mesh.geometry() };
-                check(&Blas::build(&[geometry], &options).unwrap(), &rays);
+                for layout in Layout::ALL {
+                    let isa = Some(isa);
+                    let options = BuildOptions { quality, layout, isa, ..BuildOptions::default() };
+                    let geometry =
+                        rayburst_accel::TriangleMesh { opaque: false, ..mesh.geometry() };
+                    check(&Blas::build(&[geometry], &options).unwrap(), &rays);
+                }
             }
         }
     }
@@ -205,14 +206,16 @@ fn modes_agree_in_one_instance() {
     let flat = mesh.clone().map(|p| turned.transform_point3(p));
     let rays = coherent_rays(83, 40, &flat);
     for isa in IsaLevel::available() {
-        for front_clockwise in [false, true] {
+        for (front_clockwise, layout) in
+            [(false, Layout::Wide), (true, Layout::Wide), (false, Layout::Compressed)]
+        {
             let flags = InstanceFlags { front_clockwise, ..InstanceFlags::default() };
             let instances = [
                 Instance { flags, ..Instance::new(0, turned) },
                 // Never hit: what is left is one instance.
                 Instance::new(0, Affine3A::ZERO),
             ];
-            let options = BuildOptions { isa: Some(isa), ..BuildOptions::default() };
+            let options = BuildOptions { layout, isa: Some(isa), ..BuildOptions::default() };
             let geometry = rayburst_accel::TriangleMesh { opaque: false, ..mesh.geometry() };
             let blas = Arc::new(Blas::build(&[geometry], &options).unwrap());
             let hits = check(&Tlas::build(vec![blas], &instances, &options).unwrap(), &rays);
@@ -239,4 +242,62 @@ fn a_filter_may_trace_rays_itself() {
     let single = TraceOptions { mode: TraceMode::Single, ..options };
     assert_eq!(nested, blas.trace(&rays, &single, &FilterFn(back)));
     assert!(nested.1.iter().any(|&any| any) && nested.1.iter().any(|&any| !any));
+}
+
+/// Counters of a mode, put where others were.
+fn counters(blas: &Blas, rays: &[Ray], mode: TraceMode) -> Vec<Counters> {
+    let mut counts = vec![Counters { nodes: 7, packet_nodes: 9, ..Default::default() }; rays.len()];
+    let mut hits = vec![Hit::MISS; rays.len()];
+    let options = TraceOptions { mode, ..TraceOptions::default() };
+    blas.closest_hits_counted(rays, &mut hits, &mut counts, &options, &AcceptAll);
+    counts
+}
+
+#[test]
+fn counters_tell_bundles_and_rays_in_flight() {
+    let blas = soup(84, 3000, 0.1).blas(IsaLevel::detect());
+    let mut random = Random::new(85);
+    let scattered: Vec<Ray> = (0..640).map(|_| ray_at(&mut random, Vec3::ZERO, 1.0)).collect();
+    let apex = Vec3::new(0.1, 0.2, -4.0);
+    let alike: Vec<Ray> = (0..640)
+        .map(|i| Ray::new(apex, Vec3::new((i % 8) as f32 * 1e-3, (i / 8) as f32 * 1e-3, 1.0)))
+        .collect();
+    for rays in [&scattered, &alike] {
+        for c in counters(&blas, rays, TraceMode::Single) {
+            assert_eq!((c.packet_nodes, c.in_flight), (0, c.nodes + c.leaves));
+            assert_eq!(c.packet_share(), 0.0);
+        }
+        for mode in [TraceMode::Interleaved, TraceMode::Stream] {
+            let counts = counters(&blas, rays, mode);
+            assert!(counts.iter().all(|c| c.packet_nodes == 0 && c.nodes > 0));
+            let mean = counts.iter().map(Counters::mean_in_flight).sum::<f32>() / 640.0;
+            assert!((10.0..=64.0).contains(&mean), "{mode:?}: {mean}");
+        }
+    }
+    for mode in [TraceMode::Packet, TraceMode::Auto] {
+        let counts = counters(&blas, &alike, mode);
+        assert!(counts.iter().all(|c| c.packet_share() == 1.0), "{mode:?}");
+        let mean = counts.iter().map(Counters::mean_in_flight).sum::<f32>() / 640.0;
+        assert!((16.0..=64.0).contains(&mean), "{mode:?}: {mean}");
+    }
+    let counts = counters(&blas, &scattered, TraceMode::Auto);
+    assert!(counts.iter().all(|c| c.packet_nodes == 0));
+    assert_eq!(Counters::default().mean_in_flight(), 0.0);
+}
+
+#[test]
+fn streams_of_several_pieces_are_answered_in_place() {
+    // More rays than are sorted at a time, some of which have no place: they start nowhere.
+    let mesh = soup(86, 200, 0.2);
+    let rays = rays(87, 70_000, &mesh);
+    for isa in IsaLevel::available() {
+        let blas = mesh.blas(isa);
+        let trace = |mode| {
+            let options = TraceOptions { mode, ..TraceOptions::default() };
+            let mut hits = vec![Hit::MISS; rays.len()];
+            blas.closest_hits(&rays, &mut hits, &options, &AcceptAll);
+            hits
+        };
+        assert_eq!(trace(TraceMode::Stream), trace(TraceMode::Interleaved));
+    }
 }

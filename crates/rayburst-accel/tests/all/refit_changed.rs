@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 use rayburst_accel::{
-    AcceptAll, Blas, BuildError, BuildOptions, BuildQuality, TraceOptions, TriangleMesh,
+    AcceptAll, Blas, BuildError, BuildOptions, BuildQuality, Layout, TraceOptions, TriangleMesh,
 };
 use rayburst_math::{Hit, Ray};
 
@@ -39,7 +39,8 @@ fn shake(mesh: &mut Mesh, random: &mut Random, count: usize, by: f32) -> Vec<(u3
 
 #[test]
 fn random_moves_are_hit_as_brute_force_and_a_rebuild_say() {
-    for options in all_builds() {
+    let wide = |options: &BuildOptions<'_>| options.layout == Layout::Wide;
+    for options in all_builds().into_iter().filter(wide) {
         for (start, count) in [(soup(81, 1500, 0.1), 40), (soup(82, 700, 0.1), 700)] {
             let mut mesh = start.merged(&needles(83, 40));
             let mut random = Random::new(84);
@@ -68,12 +69,16 @@ fn random_moves_are_hit_as_brute_force_and_a_rebuild_say() {
             for triangle in 0..mesh.indices.len() {
                 assert_eq!(blas.triangle(0, triangle as u32), Some(mesh.triangle(triangle)));
             }
-            // A whole refit makes the boxes tight again.
-            let grown = blas.bounds().half_area();
+            // A whole refit makes the boxes tight again, but for those that spatial splits cut.
+            let (grown, stats) = (blas.bounds().half_area(), blas.stats());
             let tight = blas.refit(&[mesh.geometry()]).unwrap();
+            blas.validate().unwrap();
             assert_eq!(tight.bounds, rebuilt.bounds());
             let ratio = tight.bounds.half_area() / grown;
-            assert!(tight.sah_after * ratio <= tight.sah_before * 1.0001);
+            assert!(
+                tight.sah_after * ratio <= tight.sah_before * 1.0001
+                    || stats.references > stats.primitives
+            );
             assert_eq!(trace(&blas, 85, 800), own);
         }
     }
@@ -183,6 +188,10 @@ fn what_cannot_change_is_an_error_and_changes_nothing() {
     let fewer = TriangleMesh { indices: &moved.indices[..9], ..moved.geometry() };
     let differ = BuildError::TrianglesDiffer { geometry: 0, built: 51, given: 9 };
     assert_eq!(refit(&[fewer], &[]), differ);
+    let options = BuildOptions { layout: Layout::Compressed, ..BuildOptions::default() };
+    let mut compressed = build(&mesh, &options);
+    let error = compressed.refit_changed(&[moved.geometry()], &[(0, 3)]);
+    assert_eq!(error, Err(BuildError::CompressedRefit));
     // What still cannot be hit is no error.
     blas.refit_changed(&[mesh.geometry()], &[(0, 50)]).unwrap();
     let mut empty = Blas::build(&[], &BuildOptions::default()).unwrap();

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use glam::{Affine3A, Vec3};
 use rayburst_accel::{
-    AcceptAll, Blas, BuildOptions, BuildQuality, Builder, Counters, FilterFn, Instance, IsaLevel,
-    Tlas, TraceMode, TraceOptions, TriangleMesh,
+    AcceptAll, Blas, BuildError, BuildOptions, BuildQuality, Builder, Counters, FilterFn, Instance,
+    IsaLevel, Layout, Tlas, TraceMode, TraceOptions, TriangleMesh,
 };
 use rayburst_math::{Hit, Ray};
 
@@ -56,6 +56,8 @@ macro_rules! check {
         let all = structure.all_hits_batch(rays, &TraceOptions::default(), &AcceptAll);
         let first = |i| all.of(i).first().copied().unwrap_or(Hit::MISS);
         assert!((0..rays.len()).map(first).eq(single.iter().copied()));
+        let nearest = structure.nearest_hits_batch(rays, 2, &TraceOptions::default(), &AcceptAll);
+        assert!((0..rays.len()).all(|i| nearest.of(i) == &all.of(i)[..all.of(i).len().min(2)]));
         single.iter().filter(|hit| hit.is_hit()).count()
     }};
 }
@@ -71,8 +73,10 @@ fn mesh() -> Mesh {
 fn every_build_traces_and_refits() {
     let (mesh, rays) = (mesh(), rays(RAYS));
     for isa in IsaLevel::available() {
-        for builder in Builder::ALL {
+        for (builder, layout) in Builder::ALL.into_iter().flat_map(|b| Layout::ALL.map(|l| (b, l)))
+        {
             let options = BuildOptions {
+                layout,
                 quality: BuildQuality::Fast,
                 builder: Some(builder),
                 isa: Some(isa),
@@ -87,6 +91,10 @@ fn every_build_traces_and_refits() {
                     && blas.triangle(0, mesh.indices.len() as u32 - 1).is_none()
             );
             let moved = mesh.clone().map(|p| p + 0.1 * Vec3::X);
+            if layout == Layout::Compressed {
+                assert_eq!(blas.refit(&[moved.geometry()]), Err(BuildError::CompressedRefit));
+                continue;
+            }
             blas.refit(&[moved.geometry()]).unwrap();
             blas.validate().unwrap();
             assert!(check!(blas, &rays) > 0);

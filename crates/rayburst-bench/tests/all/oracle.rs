@@ -3,7 +3,8 @@
 
 use glam::Vec3;
 use rayburst_accel::{
-    AcceptAll, Blas, BuildOptions, BuildQuality, Counters, IsaLevel, TraceOptions, TriangleMesh,
+    AcceptAll, Blas, BuildOptions, BuildQuality, Counters, IsaLevel, Layout, TraceOptions,
+    TriangleMesh,
 };
 use rayburst_math::{Hit, Ray, hash::Rng, warp};
 use rayburst_testkit::{Oracle, TestMesh, meshes};
@@ -90,12 +91,16 @@ fn every_structure_answers_as_brute_force_does() {
         random_total += random.len();
         aimed_total += aimed.len();
         let mut answers: Vec<(IsaLevel, Vec<Hit>)> = Vec::new();
-        let qualities = [BuildQuality::Balanced, BuildQuality::Best];
-        for (isa, quality) in IsaLevel::available()
-            .into_iter()
-            .flat_map(|isa| qualities.map(|quality| (isa, quality)))
+        let builds = [
+            (BuildQuality::Balanced, Layout::Wide),
+            (BuildQuality::Best, Layout::Wide),
+            (BuildQuality::Best, Layout::Compressed),
+        ];
+        for (isa, (quality, layout)) in
+            IsaLevel::available().into_iter().flat_map(|isa| builds.map(|build| (isa, build)))
         {
-            let options = BuildOptions { isa: Some(isa), quality, ..BuildOptions::default() };
+            let options =
+                BuildOptions { isa: Some(isa), quality, layout, ..BuildOptions::default() };
             let triangles = TriangleMesh::new(&mesh.positions, &mesh.indices);
             let blas = Blas::build(&[triangles], &options).expect("builds");
             blas.validate().expect("valid");

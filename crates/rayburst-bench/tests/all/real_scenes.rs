@@ -2,7 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use rayburst_accel::{AcceptAll, Blas, BuildOptions, BuildQuality, TraceOptions, TriangleMesh};
+use rayburst_accel::{
+    AcceptAll, Blas, BuildOptions, BuildQuality, Layout, TraceOptions, TriangleMesh,
+};
 use rayburst_bench::FlatMesh;
 use rayburst_math::{Ray, hash::Rng, warp};
 use rayburst_scene::import::{LoadOptions, load};
@@ -55,8 +57,12 @@ fn real_scenes_answer_as_brute_force_does() {
                 Ray::new(origin, warp::uniform_sphere(rng.vec2()))
             })
             .collect();
-        for quality in [BuildQuality::Balanced, BuildQuality::Best] {
-            let options = BuildOptions { quality, ..BuildOptions::default() };
+        for (quality, layout) in [
+            (BuildQuality::Balanced, Layout::Wide),
+            (BuildQuality::Best, Layout::Wide),
+            (BuildQuality::Balanced, Layout::Compressed),
+        ] {
+            let options = BuildOptions { quality, layout, ..BuildOptions::default() };
             let blas = Blas::build(&[triangles], &options).expect("builds");
             blas.validate().expect("valid");
             rays.par_iter().for_each(|ray| {

@@ -2,7 +2,10 @@
 
 use std::path::PathBuf;
 
-use rayburst_bench::{EngineSpec, Mode, Preset, RaySetKind, spec::EMBREE_NAMES};
+use rayburst_bench::{
+    EngineSpec, Mode, Preset, RaySetKind,
+    spec::{BUILDER_NAMES, EMBREE_NAMES},
+};
 
 use super::{
     scene::{CameraArgs, InstantArgs},
@@ -47,11 +50,13 @@ pub(crate) struct BenchRaysArgs {
     /// Ray sets, with commas [default: all]
     #[arg(long, value_name = "LIST", value_parser = ray_sets)]
     pub(crate) sets: Option<RaySetList>,
-    /// Engines by name or beginning of a name, with commas: rayburst:PRESET:MODE,
+    /// Engines by name or beginning of a name, with commas: rayburst:PRESET:MODE (presets as for
+    /// --preset, modes as for --mode),
     /// embree:QUALITY:WIDTH[:coherent][:robust][:compact] [default: the usual ones]
     #[arg(long, value_name = "LIST", value_parser = engines)]
     pub(crate) engines: Option<EngineNames>,
-    /// How this engine is asked, with commas; 'call' is one call a ray [default: auto,call]
+    /// How this engine is asked, with commas: auto, single, interleaved, packet, stream (sorted
+    /// first), call (one call a ray) [default: auto,call]
     #[arg(long, value_name = "LIST", value_parser = modes)]
     pub(crate) mode: Option<ModeList>,
     #[command(flatten)]
@@ -81,7 +86,9 @@ pub(crate) struct BenchCommonArgs {
     /// A peer's shared library to measure beside: embree=PATH
     #[arg(long, value_name = "NAME=PATH", value_parser = peer)]
     pub(crate) peer: Option<Peer>,
-    /// Build presets of this engine, with commas [default: all]
+    /// Build presets of this engine, with commas: fast, balanced, best, compressed (balanced, in the
+    /// compressed layout), or a builder's name: lbvh, hlbvh, ploc, binned-sah, spatial-splits
+    /// [default: fast,balanced,best]
     #[arg(long, value_name = "LIST", value_parser = presets)]
     pub(crate) preset: Option<PresetList>,
     /// Timed runs of each engine; the median counts
@@ -102,9 +109,9 @@ pub(crate) struct BenchCommonArgs {
 }
 
 impl BenchCommonArgs {
-    /// Presets asked for, or all.
+    /// Presets asked for, or the usual ones.
     pub(crate) fn presets(&self) -> &[Preset] {
-        self.preset.as_ref().map_or(&Preset::ALL, |list| &list.0)
+        self.preset.as_ref().map_or(&Preset::USUAL, |list| &list.0)
     }
 }
 
@@ -124,9 +131,9 @@ fn engines(given: &str) -> Result<EngineNames, String> {
     let names: Vec<&str> = given.split(',').map(str::trim).filter(|n| !n.is_empty()).collect();
     for name in &names {
         if EngineSpec::named(name, &[]).is_empty() {
-            let usual = EngineSpec::usual(&Preset::ALL, &Mode::USUAL);
+            let usual = EngineSpec::usual(&Preset::USUAL, &Mode::USUAL);
             let mut known: Vec<String> = usual.iter().map(ToString::to_string).collect();
-            known.push(EMBREE_NAMES.into());
+            known.extend([BUILDER_NAMES, EMBREE_NAMES].map(String::from));
             let known: Vec<&str> = known.iter().map(String::as_str).collect();
             return Err(crate::names::unknown("engine", name, &known));
         }

@@ -154,6 +154,12 @@ fn line(row: &Row) -> String {
     if let Some(ratio) = row.single_ratio.filter(|_| engine.ends_with(":call")) {
         text += &format!("  {ratio:.2} of the best single-ray peer");
     }
+    if let (Some(nodes), Some(leaves)) = (row.nodes, row.leaves) {
+        text += &format!("  {nodes:.1} + {leaves:.1} visits");
+    }
+    if let Some(share) = row.packet_share.filter(|&share| share > 0.0) {
+        text += &format!(", {:.0} % in packets", 100.0 * share);
+    }
     if let (Some(cost), Some(depth)) = (row.sah_cost, row.depth) {
         text += &format!("  SAH cost {cost:.1}, depth {depth}");
     }

@@ -123,11 +123,12 @@ impl Teller<'_> {
         let Segment { ray, counts, .. } = &vertex.segment;
         let kind = if vertex.depth == 1 { "eye ray" } else { "ray" };
         format!(
-            "{}. {kind} from {} to {}: {} nodes, {} triangles tested",
+            "{}. {kind} from {} to {}: {} nodes, {} leaves, {} triangles tested",
             vertex.depth,
             vector(ray.origin),
             vector(ray.direction),
             counts.nodes,
+            counts.leaves,
             counts.triangles
         )
     }

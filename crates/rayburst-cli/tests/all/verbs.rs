@@ -70,6 +70,7 @@ fn drawn_figures_print_their_property() {
         ("26.3", "0 of"),
         ("26.4", "sum − 1"),
         ("26.5", "difference in standard deviations"),
+        ("26.16", "rays that visit together"),
     ] {
         let ran = place.good(&format!("figure {figure}"));
         assert!(ran.stdout.contains(words), "{figure}: {}", ran.stdout);
@@ -106,7 +107,19 @@ fn rays_are_benchmarked() {
         for text in ["bench", "scene", "ray_set", "unit", "machine", "isa", "date"] {
             assert!(row[text].is_string(), "{text}: {row}");
         }
-        for number in ["threads", "repeats", "min", "max", "rays", "hits", "triangles"] {
+        for number in [
+            "threads",
+            "repeats",
+            "min",
+            "max",
+            "rays",
+            "hits",
+            "triangles",
+            "nodes",
+            "leaves",
+            "packet_share",
+            "in_flight",
+        ] {
             assert!(row[number].is_number(), "{number}: {row}");
         }
         assert!(row.get("ratio").is_none() && row.get("best_peer").is_none());
@@ -115,6 +128,14 @@ fn rays_are_benchmarked() {
     place.good(&format!("{line} --engines rayburst:fast --mode call --json few.json"));
     let few: serde_json::Value = serde_json::from_slice(&place.read("few.json")).unwrap();
     assert_eq!(names(&few), ["fast:call", "fast:call"]);
+    assert_eq!((&few[0]["packet_share"], &few[0]["in_flight"]), (&0.0.into(), &1.0.into()));
+    let every = "auto,single,interleaved,packet,stream,call";
+    place.good(&format!("{line} --engines rayburst:ploc --mode {every} --json ploc.json"));
+    let ploc: serde_json::Value = serde_json::from_slice(&place.read("ploc.json")).unwrap();
+    let all: Vec<String> = every.split(',').map(|mode| format!("ploc:{mode}")).collect();
+    assert_eq!(names(&ploc), [all.clone(), all].concat());
+    assert!(ploc[3]["packet_share"] == 1.0 && ploc[3]["in_flight"].as_f64() > Some(16.0));
+    assert!(ploc[4]["packet_share"] == 0.0 && ploc[4]["in_flight"].as_f64() > Some(16.0));
     let complaint = place.bad(1, &format!("{line} --peer embree=missing.so"));
     assert!(complaint.contains("missing.so"), "{complaint}");
 }
@@ -127,11 +148,13 @@ fn builds_are_benchmarked() {
     assert!(ran.stdout.contains("Mtri/s") && ran.stdout.contains("SAH cost"), "{ran:?}");
     let rows: serde_json::Value = serde_json::from_slice(&place.read("rows.json")).unwrap();
     let rows = rows.as_array().unwrap();
-    // Of each scene two figures of three presets, and refitting.
+    // Of each scene two figures of three presets, and refitting all and a few triangles.
     let builders =
         ["hlbvh", "hlbvh", "binned-sah", "binned-sah", "spatial-splits", "spatial-splits"];
-    assert_eq!(rows.len(), 2 * (builders.len() + 1));
-    let (built, fitted): (Vec<_>, Vec<_>) = rows.iter().partition(|row| row["builder"] != "refit");
+    assert_eq!(rows.len(), 2 * (builders.len() + 2));
+    let is_build = |row: &&serde_json::Value| row["depth"].is_number();
+    let (built, fitted): (Vec<_>, Vec<_>) = rows.iter().partition(is_build);
+    assert!(fitted.iter().all(|row| row["engine"].as_str().unwrap().starts_with("rayburst:refit")));
     assert!(fitted.iter().all(|row| row["unit"] == "Mtri/s" && row["value"].as_f64() > Some(0.0)));
     let units = ["Mtri/s", "B/tri"].iter().cycle();
     for ((row, unit), builder) in built.iter().zip(units).zip(builders.iter().cycle()) {
@@ -142,6 +165,8 @@ fn builds_are_benchmarked() {
         assert!(row.get("ratio").is_none(), "no peer: {row}");
     }
     assert!(place.read("bars.png").starts_with(b"\x89PNG"));
+    let ran = place.good("bench build cornell --preset lbvh,ploc --repeat 1 --seconds 0.001");
+    assert!(ran.stdout.contains("rayburst:lbvh") && ran.stdout.contains("rayburst:ploc"));
     let complaint = place.bad(1, &format!("{line} --peer embree=missing.so"));
     assert!(complaint.contains("missing.so"), "{complaint}");
 }

@@ -3,7 +3,7 @@
 use std::{mem::MaybeUninit, ops::ControlFlow};
 
 use rayburst_math::Ray;
-use rayburst_simd::{GROUP, Isa, Kernel, Question16, Triangles4};
+use rayburst_simd::{GROUP, Isa, Kernel, Question16};
 
 use super::{
     super::{
@@ -19,8 +19,9 @@ use crate::{
     CandidateFilter,
     build::binned_sah::MAX_DEPTH,
     layout::{
-        bvh8::{Node8, Reference},
+        bvh8::Reference,
         triangles::{BLOCK, TriangleId},
+        view::{BlockRoom, Leaf, NodeRoom},
     },
     structure::{Structure, Tracer},
 };
@@ -56,7 +57,7 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
     #[inline(always)]
     pub(super) fn traverse<Q: OneHit>(&mut self, bundle: &mut Bundle) -> bool {
         let isa = self.tracer.isa;
-        let tree = &self.place.blas.tree;
+        let (tree, mut room) = (self.place.blas.tree.view(), NodeRoom::new());
         let mut stack = [MaybeUninit::<Entry>::uninit(); ENTRIES];
         let (mut top, mut visits) = (0, 0);
         let mut current = Entry {
@@ -78,12 +79,21 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
                 }
                 if C::ACTIVE {
                     let from = current.place as usize % GROUPS;
-                    (from..GROUPS).for_each(|g| self.count(g, bundle.active[g], Count::node));
+                    let rays: u32 =
+                        bundle.active[from..].iter().map(|rays| rays.count_ones()).sum();
+                    let visit = |count: &mut C| {
+                        count.node();
+                        count.bundled();
+                        count.beside(rays - 1);
+                    };
+                    (from..GROUPS).for_each(|g| self.count(g, bundle.active[g], visit));
                 }
-                let node = tree.node(current.child);
+                // SAFETY: references to inner nodes come from the tree, which the place borrows.
+                let (boxes, words) = unsafe { tree.node(isa, current.child, &mut room) };
+                let children: &[Reference; 8] = bytemuck::cast_ref(words);
                 let mut distances = [0.0; 8];
                 let mut mask = isa.frustum8(
-                    &node.boxes,
+                    boxes,
                     &bundle.axes,
                     &bundle.frustum,
                     bundle.t_min,
@@ -98,18 +108,13 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
                         if Q::ORDERED { mask.trailing_zeros() } else { mask.ilog2() } as usize % 8;
                     mask &= !(1 << slot);
                     let Some(group) = (from..GROUPS).find(|&g| {
-                        isa.box16(&node.boxes, slot, &bundle.axes, &bundle.groups[g])
-                            & bundle.active[g]
+                        isa.box16(boxes, slot, &bundle.axes, &bundle.groups[g]) & bundle.active[g]
                             != 0
                     }) else {
                         continue;
                     };
-                    let child = node.children[slot];
-                    let address = tree.address(child.value());
-                    isa.prefetch(address);
-                    isa.prefetch(address.wrapping_add(64));
-                    isa.prefetch(address.wrapping_add(128));
-                    isa.prefetch(address.wrapping_add(192));
+                    let child = children[slot];
+                    tree.prefetch(isa, child);
                     let entry = Entry {
                         near: distances[slot],
                         child,
@@ -149,21 +154,27 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
     fn leaf<Q: OneHit>(&mut self, bundle: &mut Bundle, entry: &Entry) -> ControlFlow<()> {
         let isa = self.tracer.isa;
         let value = entry.child.value();
-        let parent: &Node8 = self.place.blas.tree.node(entry.parent);
-        // SAFETY: values of a BLAS' leaves come from `TriangleLeaves::place`: a block is there.
-        let block: &Triangles4 = unsafe { self.place.blas.tree.block(value) };
+        let tree = self.place.blas.tree.view();
+        let (mut node_room, mut block_room) = (NodeRoom::new(), BlockRoom::new());
+        // SAFETY: the reference and the value come from the tree, which the place borrows.
+        let ((parent, _), stored) =
+            unsafe { (tree.node(isa, entry.parent, &mut node_room), tree.leaf(value)) };
+        let block = stored.block(isa, &mut block_room);
         let slot = entry.place as usize / GROUPS % 8;
         let from = entry.place as usize % GROUPS;
-        let general = F::ACTIVE && self.place.translucent(block) != 0;
+        let general = F::ACTIVE && self.place.translucent(stored) != 0;
         for g in from..GROUPS {
             let mut changed = false;
             let group = &mut bundle.groups[g];
-            let rays = isa.box16(&parent.boxes, slot, &bundle.axes, group) & bundle.active[g];
+            let rays = isa.box16(parent, slot, &bundle.axes, group) & bundle.active[g];
             if rays == 0 {
                 continue;
             }
             if C::ACTIVE {
-                self.count(g, rays, |count| count.leaf(block));
+                self.count(g, rays, |count| {
+                    count.leaf(stored);
+                    count.beside(rays.count_ones() - 1);
+                });
             }
             let mut doubtful = rays;
             if !general {
@@ -199,7 +210,7 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
             }
             while doubtful != 0 {
                 let lane = take_bit(&mut doubtful) as usize % GROUP;
-                changed |= self.ask::<Q>(bundle, g, lane, block);
+                changed |= self.ask::<Q>(bundle, g, lane, stored);
             }
             if changed {
                 bundle.shorten(isa, g);
@@ -214,7 +225,6 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
     pub(super) fn begin_counts(&mut self, members: &[u32; GROUPS]) {
         for (g, &lanes) in members.iter().enumerate() {
             self.count(g, lanes, |count| {
-                *count = C::default();
                 if S::IS_INSTANCE {
                     count.instance();
                 }
@@ -230,13 +240,13 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
         }
     }
 
-    /// Tests one ray against a block; says whether that changed anything.
+    /// Tests one ray against a leaf; says whether that changed anything.
     fn ask<Q: OneHit>(
         &mut self,
         bundle: &mut Bundle,
         g: usize,
         lane: usize,
-        block: &Triangles4,
+        leaf: Leaf<'_>,
     ) -> bool {
         let index = self.first + g * GROUP + lane;
         let ray = &self.rays[index];
@@ -249,7 +259,7 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
         let asker = Asker { filter: self.tracer.filter, ray, index: index as u32 };
         let place = self.place;
         let (query, span) =
-            self.tracer.isa.vectorize(AskOne { place, block, prepared, asker, query, span });
+            self.tracer.isa.vectorize(AskOne { place, leaf, prepared, asker, query, span });
         let Some(found) = query.found() else {
             return false;
         };
@@ -273,10 +283,10 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
     }
 }
 
-/// A ray that is tested against a block by itself. A kernel, so that it stays out of the loops.
+/// A ray that is tested against a leaf by itself. A kernel, so that it stays out of the loops.
 struct AskOne<'a, F, Q> {
     place: &'a Place<'a>,
-    block: &'a Triangles4,
+    leaf: Leaf<'a>,
     prepared: PreparedRay,
     asker: Asker<'a, F>,
     query: Q,
@@ -288,9 +298,9 @@ impl<F: CandidateFilter, Q: OneHit> Kernel for AskOne<'_, F, Q> {
 
     #[inline(always)]
     fn run<I: Isa>(mut self, isa: I) -> (Q, Span) {
-        let Self { place, block, prepared, asker, query, span } = &mut self;
+        let Self { place, leaf, prepared, asker, query, span } = &mut self;
         // Whether the search ended is in the query.
-        let _ = test_each(isa, place, prepared, block, asker, span, query);
+        let _ = test_each(isa, place, prepared, *leaf, asker, span, query);
         (self.query, self.span)
     }
 }
