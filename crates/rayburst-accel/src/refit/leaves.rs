@@ -17,10 +17,8 @@ use crate::{
     },
 };
 
-/// Leaves that are worth a batch.
-pub(super) const BATCH: usize = 32;
-/// Leaves of a batch at most: those of the last node may come on top.
-pub(super) const MOST_LEAVES: usize = BATCH + 7;
+/// Leaves of a batch.
+const BATCH: usize = 32;
 
 /// Where the triangles are now.
 #[derive(Clone, Copy)]
@@ -86,92 +84,78 @@ impl<'a> Finder<'a> {
     }
 }
 
-/// Writes leaves in batches.
-pub(super) struct Writer<'a> {
-    source: Source<'a>,
-    finder: Finder<'a>,
-    /// Where the lines start.
-    first_line: usize,
-    drafts: [Draft; MOST_LEAVES],
-}
-
-impl<'a> Writer<'a> {
-    pub(super) fn new(source: Source<'a>, first_line: usize) -> Self {
-        let drafts = [Draft::default(); MOST_LEAVES];
-        Self { source, finder: Finder::new(source), first_line, drafts }
-    }
-
-    /// Writes a batch of leaves, given the lines; notes their boxes. Returns how many lanes hold a
+impl Source<'_> {
+    /// Writes leaves, given the lines from some line on; notes their boxes. Returns how many lanes hold a
     /// triangle that cannot be hit.
     #[inline(always)]
     pub(super) fn write<I: Isa>(
-        &mut self,
+        &self,
         isa: I,
-        batch: &[Job],
+        jobs: &[Job],
+        first_line: usize,
         lines: &mut [Line],
         boxes: &mut [Bounds],
     ) -> usize {
-        let Self { source, finder, first_line, drafts } = self;
-        let (first_line, geometries) = (*first_line, source.geometries);
+        let mut finder = Finder::new(*self);
         let words: &mut [u32] = bytemuck::cast_slice_mut(lines);
         let mut hidden = 0;
-        let drafts = &mut drafts[..batch.len()];
-        for (job, draft) in batch.iter().zip(&mut *drafts) {
-            let triangles = triangles_of(block_of(words, first_line, job));
-            if !finder.holds(&triangles) {
-                finder.look_up(triangles[0]);
-            }
-            if !finder.holds(&triangles) {
-                draft.geometry = MIXED;
-                continue;
-            }
-            draft.geometry = finder.geometry;
-            let indices = geometries[finder.geometry as usize].indices.as_ptr();
-            for lane in 0..BLOCK {
-                let primitive = triangles[lane] - finder.first;
-                isa.prefetch(indices.wrapping_add(primitive as usize));
-                draft.corners[lane][0] = primitive;
-            }
-        }
-        for draft in &mut *drafts {
-            if draft.geometry == MIXED {
-                continue;
-            }
-            let mesh = &geometries[draft.geometry as usize];
-            let positions = mesh.positions.as_ptr();
-            for corners in &mut draft.corners {
-                *corners = mesh.indices[corners[0] as usize];
-                isa.prefetch(positions.wrapping_add(corners[0] as usize));
-                isa.prefetch(positions.wrapping_add(corners[1] as usize));
-                isa.prefetch(positions.wrapping_add(corners[2] as usize));
-            }
-        }
-        for (job, draft) in batch.iter().zip(drafts) {
-            let block = block_of(words, first_line, job);
-            let corners = if draft.geometry == MIXED {
-                None
-            } else {
-                corners_of(&geometries[draft.geometry as usize], &draft.corners)
-            };
-            let corners = match corners {
-                Some(corners) => corners,
-                None => source.corners_of_any(&triangles_of(block)),
-            };
-            let bounds = match rewrite(block, &corners) {
-                Some(bounds) => bounds,
-                None => {
-                    let (bounds, lost) = check_lanes(block);
-                    hidden += lost;
-                    bounds
+        let mut drafts = [Draft::default(); BATCH];
+        for batch in jobs.chunks(BATCH) {
+            for (job, draft) in batch.iter().zip(&mut drafts) {
+                let triangles = triangles_of(block_of(words, first_line, job));
+                if !finder.holds(&triangles) {
+                    finder.look_up(triangles[0]);
                 }
-            };
-            boxes[job.slot as usize] = bounds;
+                if !finder.holds(&triangles) {
+                    draft.geometry = MIXED;
+                    continue;
+                }
+                draft.geometry = finder.geometry;
+                let indices = self.geometries[finder.geometry as usize].indices.as_ptr();
+                for lane in 0..BLOCK {
+                    let primitive = triangles[lane] - finder.first;
+                    isa.prefetch(indices.wrapping_add(primitive as usize));
+                    draft.corners[lane][0] = primitive;
+                }
+            }
+            for draft in &mut drafts[..batch.len()] {
+                if draft.geometry == MIXED {
+                    continue;
+                }
+                let mesh = &self.geometries[draft.geometry as usize];
+                let positions = mesh.positions.as_ptr();
+                for corners in &mut draft.corners {
+                    *corners = mesh.indices[corners[0] as usize];
+                    isa.prefetch(positions.wrapping_add(corners[0] as usize));
+                    isa.prefetch(positions.wrapping_add(corners[1] as usize));
+                    isa.prefetch(positions.wrapping_add(corners[2] as usize));
+                }
+            }
+            for (job, draft) in batch.iter().zip(&drafts) {
+                let block = block_of(words, first_line, job);
+                let corners = if draft.geometry == MIXED {
+                    None
+                } else {
+                    corners_of(&self.geometries[draft.geometry as usize], &draft.corners)
+                };
+                let corners = match corners {
+                    Some(corners) => corners,
+                    None => self.corners_of_any(&triangles_of(block)),
+                };
+                let bounds = match rewrite(block, &corners) {
+                    Some(bounds) => bounds,
+                    None => {
+                        let (bounds, lost) = check_lanes(block);
+                        hidden += lost;
+                        bounds
+                    }
+                };
+                boxes[job.slot as usize] = bounds;
+            }
         }
         hidden
     }
-}
 
-impl Source<'_> {
     /// The corners of triangles of any geometries.
     #[cold]
     fn corners_of_any(&self, triangles: &[u32; BLOCK]) -> [[Vec4; BLOCK]; 3] {

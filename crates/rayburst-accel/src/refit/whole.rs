@@ -1,16 +1,16 @@
 //! All boxes of a tree anew.
 //!
 //! The memory of a subtree is contiguous, so subtrees are refitted in parallel; sums are added in the
-//! order of the tree, whatever the threads. One task walks its nodes in the order of the memory and
-//! writes leaves ([`super::leaves`]) as it comes to them, then its nodes in reverse order, children
-//! before parents. Of trees whose nodes above clusters are apart, first the clusters are refitted, then the
+//! order of the tree, whatever the threads. One task first walks its nodes in the order of the
+//! memory, then writes its leaves ([`super::leaves`]), then its nodes in reverse order, children before
+//! parents. Of trees whose nodes above clusters are apart, first the clusters are refitted, then the
 //! nodes above in reverse order.
 
 use glam::{BVec4A, Mat4, Vec4};
 use rayburst_simd::{Isa, IsaLevel, Kernel};
 use rayon::prelude::*;
 
-use super::leaves::{BATCH, Job, MOST_LEAVES, Source, Writer};
+use super::leaves::{Job, Source};
 use crate::layout::{
     arena::Line,
     bvh8::{Bvh8, NODE_LINES, Node8, Reference},
@@ -168,8 +168,8 @@ impl Whole<'_> {
         (all, done)
     }
 
-    /// Refits all below some children, given the lines from some line on; returns their boxes, whose
-    /// areas are not added.
+    /// Refits all below some children, given the lines from some line on; their boxes come first in
+    /// what is returned, in their order. Their areas are not added.
     fn task(&self, roots: &[Reference], first: usize, lines: &mut [Line]) -> (Vec<Bounds>, Done) {
         self.isa.dispatch(Task { source: self.source, roots, first, lines })
     }
@@ -190,89 +190,63 @@ impl Kernel for Task<'_> {
     #[inline(always)]
     fn run<I: Isa>(self, isa: I) -> Self::Output {
         let Self { source, roots, first, lines } = self;
-        let mut walk = Walk::new(roots, lines.len());
-        let mut writer = Writer::new(source, first);
+        let (nodes, leaves, slots) = walk(isa, roots, first, lines);
         // A box for each root, then eight a node.
-        let mut boxes = vec![Bounds::EMPTY; roots.len()];
-        let mut hidden = 0;
-        loop {
-            let more = walk.step(isa, first, lines, &mut boxes);
-            if walk.leaves.len() >= BATCH || !more {
-                hidden += writer.write(isa, &walk.leaves, lines, &mut boxes);
-                walk.leaves.clear();
-            }
-            if !more {
-                break;
-            }
-        }
+        let mut boxes = vec![Bounds::EMPTY; slots];
+        let hidden = source.write(isa, &leaves, first, lines, &mut boxes);
         let mut done = Done { hidden, ..Done::default() };
-        for (number, job) in walk.nodes.iter().enumerate().rev() {
+        for (number, job) in nodes.iter().enumerate().rev() {
             let node = node_mut(lines, job.line as usize - first);
             if let Some(below) = boxes[roots.len() + 8 * number..].first_chunk() {
                 boxes[job.slot as usize] = set_boxes(node, below, &mut done);
             }
         }
-        boxes.truncate(roots.len());
         (boxes, done)
     }
 }
 
-/// A walk over the nodes and leaves below some children, in the order of the memory.
-struct Walk {
-    /// The nodes so far, parents first.
-    nodes: Vec<NodeJob>,
-    /// Leaves to be written.
-    leaves: Vec<Job>,
-    stack: Vec<(Reference, u32)>,
-    /// How many lines were asked for.
-    asked: usize,
-}
-
-impl Walk {
-    fn new(roots: &[Reference], lines: usize) -> Self {
-        let mut stack: Vec<(Reference, u32)> = Vec::with_capacity(roots.len() + 64);
-        stack.extend(roots.iter().enumerate().rev().map(|(slot, &root)| (root, slot as u32)));
-        let (nodes, leaves) = (Vec::with_capacity(lines / 8), Vec::with_capacity(MOST_LEAVES));
-        Self { nodes, leaves, stack, asked: 0 }
-    }
-
-    /// Goes to the next child that is not a leaf of the last node, and makes room for the boxes of its
-    /// children. Returns whether there was one.
-    #[inline(always)]
-    fn step<I: Isa>(
-        &mut self,
-        isa: I,
-        first: usize,
-        lines: &[Line],
-        boxes: &mut Vec<Bounds>,
-    ) -> bool {
-        let Some((child, slot)) = self.stack.pop() else { return false };
-        let line = line_of(child) - first;
-        while self.asked < (line + AHEAD).min(lines.len()) {
-            isa.prefetch(&raw const lines[self.asked]);
-            self.asked += 1;
-        }
-        if child.is_leaf() {
-            self.leaves.push(Job { half_line: child.value(), slot });
-            return true;
-        }
-        self.nodes.push(NodeJob { line: line_of(child) as u32, slot });
-        let node: &Node8 = &bytemuck::cast_slice(&lines[line..line + NODE_LINES])[0];
-        let slots = boxes.len() as u32;
-        for slot in 0..8 {
-            let child = node.children[slot];
-            if child != Reference::NONE && child.is_leaf() {
-                self.leaves.push(Job { half_line: child.value(), slot: slots + slot as u32 });
+/// The nodes and leaves below some children, parents first, and how many boxes they have.
+#[inline(always)]
+fn walk<I: Isa>(
+    isa: I,
+    roots: &[Reference],
+    first: usize,
+    lines: &[Line],
+) -> (Vec<NodeJob>, Vec<Job>, usize) {
+    let mut slots = roots.len() as u32;
+    let mut nodes = Vec::with_capacity(lines.len() / 8);
+    let mut leaves = Vec::with_capacity(lines.len() / 2);
+    let mut stack: Vec<(Reference, u32)> = Vec::with_capacity(64);
+    let mut asked = 0;
+    for (root, slot) in roots.iter().zip(0..) {
+        stack.push((*root, slot));
+        while let Some((child, slot)) = stack.pop() {
+            let line = line_of(child) - first;
+            while asked < (line + AHEAD).min(lines.len()) {
+                isa.prefetch(&raw const lines[asked]);
+                asked += 1;
             }
-        }
-        for slot in (0..8).rev() {
-            if !node.children[slot].is_leaf() {
-                self.stack.push((node.children[slot], slots + slot as u32));
+            if child.is_leaf() {
+                leaves.push(Job { half_line: child.value(), slot });
+                continue;
             }
+            nodes.push(NodeJob { line: line_of(child) as u32, slot });
+            let node: &Node8 = &bytemuck::cast_slice(&lines[line..line + NODE_LINES])[0];
+            for slot in 0..8 {
+                let child = node.children[slot];
+                if child != Reference::NONE && child.is_leaf() {
+                    leaves.push(Job { half_line: child.value(), slot: slots + slot as u32 });
+                }
+            }
+            for slot in (0..8).rev() {
+                if !node.children[slot].is_leaf() {
+                    stack.push((node.children[slot], slots + slot as u32));
+                }
+            }
+            slots += 8;
         }
-        boxes.extend_from_slice(&[Bounds::EMPTY; 8]);
-        true
     }
+    (nodes, leaves, slots as usize)
 }
 
 /// The line where a child starts.
