@@ -167,7 +167,8 @@ fn own_refit_changed<'a>(
     Ok(Contender {
         engine: "rayburst:refit-changed".into(),
         builder: "1 % refit",
-        peer: Some("rayburst:refit".into()),
+        // No peer does this; the rate is to be compared with that of a whole refit.
+        peer: None,
         build: Box::new(build),
     })
 }
