@@ -26,6 +26,7 @@ use crate::{
         triangles::{BLOCK, TriangleId, TriangleLeaves, locate},
         view::TreeView,
     },
+    refit::changed::Links,
     structure::{Stacks, Structure},
     traverse::{
         closest::Closest,
@@ -48,6 +49,8 @@ pub struct Blas {
     blocks: OnceLock<Vec<u32>>,
     /// Triangles in no block, found when first asked for.
     absent: OnceLock<Vec<u32>>,
+    /// The ways up the tree, made when first asked for.
+    links: OnceLock<Links>,
 }
 
 impl Blas {
@@ -135,7 +138,8 @@ impl Blas {
             bytes: tree.bytes() + size_of_val(starts.as_slice()),
             seconds: begin.elapsed().as_secs_f64(),
         };
-        Ok(Self { tree, starts, stats, isa, blocks: OnceLock::new(), absent: OnceLock::new() })
+        let (blocks, absent, links) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
+        Ok(Self { tree, starts, stats, isa, blocks, absent, links })
     }
 
     /// What the build made.
@@ -162,9 +166,7 @@ impl Blas {
     /// is no such triangle or it can never be hit. The first call makes an index of four bytes a
     /// triangle.
     pub fn triangle(&self, geometry: u32, primitive: u32) -> Option<[Vec3; 3]> {
-        let start = *self.starts.get(geometry as usize)?;
-        let end = *self.starts.get(geometry as usize + 1)?;
-        let triangle = start.checked_add(primitive).filter(|&triangle| triangle < end)?;
+        let triangle = self.number(geometry, primitive)?;
         let at = self.blocks.get_or_init(|| self.index_blocks())[triangle as usize];
         if at == NO_BLOCK {
             return None;
@@ -221,6 +223,13 @@ impl Blas {
         if let [_, _] = self.starts[..] { (0, triangle) } else { locate(&self.starts, triangle) }
     }
 
+    /// The number of a triangle through all geometries, if there is such a triangle.
+    pub(crate) fn number(&self, geometry: u32, primitive: u32) -> Option<u32> {
+        let start = *self.starts.get(geometry as usize)?;
+        let end = *self.starts.get(geometry as usize + 1)?;
+        start.checked_add(primitive).filter(|&triangle| triangle < end)
+    }
+
     /// How many triangles a geometry has.
     pub(crate) fn triangle_count(&self, geometry: usize) -> usize {
         (self.starts[geometry + 1] - self.starts[geometry]) as usize
@@ -240,6 +249,25 @@ impl Blas {
             let blocks = self.blocks.get_or_init(|| self.index_blocks());
             (0..blocks.len() as u32).filter(|&i| blocks[i as usize] == NO_BLOCK).collect()
         })
+    }
+
+    /// Where each triangle's block is, and the ways up, until [`Self::keep_links`].
+    pub(crate) fn take_links(&mut self) -> (Vec<u32>, Links) {
+        let blocks = self.blocks.take().unwrap_or_else(|| self.index_blocks());
+        let links = self.links.take().unwrap_or_else(|| {
+            Links::new(&self.tree, &blocks, |leaf| {
+                let block = self.tree.block(leaf);
+                let ids = (0..BLOCK).map(move |lane| TriangleId::of_lane(&block, lane));
+                ids.filter(|&id| id != TriangleId::NONE).map(TriangleId::triangle)
+            })
+        });
+        (blocks, links)
+    }
+
+    /// Keeps what [`Self::take_links`] gave.
+    pub(crate) fn keep_links(&mut self, blocks: Vec<u32>, links: Links) {
+        self.blocks = OnceLock::from(blocks);
+        self.links = OnceLock::from(links);
     }
 
     /// How many triangles are in blocks, but cannot be hit since a refit.
@@ -276,7 +304,7 @@ impl Blas {
 }
 
 /// Marks triangles in no block.
-const NO_BLOCK: u32 = u32::MAX;
+pub(crate) const NO_BLOCK: u32 = u32::MAX;
 
 /// The number of each geometry's first triangle, and the number of all.
 fn number_triangles(geometries: &[TriangleMesh<'_>]) -> Result<Vec<u32>, BuildError> {

@@ -77,6 +77,17 @@ pub enum BuildError {
         /// Which triangle of it.
         primitive: u32,
     },
+    /// A refit of a triangle that there is not.
+    #[error(
+        "triangle {primitive} of geometry {geometry} is said to have changed, but there is no such \
+         triangle"
+    )]
+    NoSuchTriangle {
+        /// Which geometry.
+        geometry: u32,
+        /// Which triangle of it.
+        primitive: u32,
+    },
     /// A refit of a compressed structure.
     #[error(
         "a compressed structure cannot be refitted; rebuild it, or build it in the wide layout"

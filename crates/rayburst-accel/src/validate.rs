@@ -123,14 +123,20 @@ fn walk<L: Leaf>(
         let missing = walk.seen.iter().position(|&seen| !seen).unwrap_or_default();
         return Err(BvhDefect::Missing(missing as u32));
     }
-    if !tree.bounds.contains_box(&bounds) || tree.bounds.is_empty() != bounds.is_empty() {
+    if !encloses(tree, &tree.bounds, &bounds) {
         return Err(BvhDefect::NotEnclosing { node: 0, slot: 0 });
     }
     if walk.report.primitives != 0 {
-        let root = f64::from(bounds.half_area()).max(f64::MIN_POSITIVE);
-        walk.report.sah_cost = ((walk.area + f64::from(bounds.half_area())) / root) as f32;
+        let root = f64::from(tree.bounds.half_area());
+        walk.report.sah_cost = ((walk.area + root) / root.max(f64::MIN_POSITIVE)) as f32;
     }
     Ok((walk.report, walk.leaf))
+}
+
+/// Whether a box holds what is below it. What can no longer be hit since a refit has an empty box,
+/// unless boxes only grew.
+fn encloses(tree: &Bvh8, bounds: &Aabb, below: &Aabb) -> bool {
+    bounds.contains_box(below) && (tree.loose || bounds.is_empty() == below.is_empty())
 }
 
 /// What is in leaves.
@@ -315,8 +321,7 @@ impl<L: Leaf> Walk<'_, L> {
                 }
                 self.node(child, &inside, depth + 1)?
             };
-            // What a refit cannot hit any more has an empty box.
-            if below.is_empty() != bounds.is_empty() || !bounds.contains_box(&below) {
+            if !encloses(self.tree, &bounds, &below) {
                 return Err(BvhDefect::NotEnclosing { node: at, slot: slot as u32 });
             }
             all = all.union(below);

@@ -70,6 +70,7 @@ pub fn bench_builds(
         contenders.push(embree_refit(refitted)?);
     }
     contenders.push(own_refit(mesh, &pool)?);
+    contenders.push(own_refit_changed(mesh, &pool)?);
     let measured = measure(&mut contenders, options)?;
     let rows = rows(name, mesh, &contenders, &measured, options);
     rows.iter().for_each(report);
@@ -141,6 +142,33 @@ fn own_refit<'a>(
         engine: "rayburst:refit".into(),
         builder: "refit",
         peer: Some("embree:refit".into()),
+        build: Box::new(build),
+    })
+}
+
+/// Of how many triangles one is fitted anew alone.
+const UNCHANGED: usize = 100;
+
+/// Tells the default preset's structure again and again that some triangles changed, all over the mesh;
+/// the rate is that of all triangles.
+fn own_refit_changed<'a>(
+    mesh: &'a FlatMesh,
+    pool: &'a rayon::ThreadPool,
+) -> Result<Contender<'a>, BenchError> {
+    let triangles = [TriangleMesh::new(&mesh.positions, &mesh.indices)];
+    let mut blas = pool.install(|| Blas::build(&triangles, &BuildOptions::default()))?;
+    let changed: Vec<(u32, u32)> =
+        (0..mesh.indices.len() as u32).step_by(UNCHANGED).map(|primitive| (0, primitive)).collect();
+    let build = move || {
+        let begin = Instant::now();
+        pool.install(|| blas.refit_changed(&triangles, &changed))?;
+        Ok(Built { time: begin.elapsed(), ..Built::default() })
+    };
+    Ok(Contender {
+        engine: "rayburst:refit-changed".into(),
+        builder: "1 % refit",
+        // No peer does this; the rate is to be compared with that of a whole refit.
+        peer: None,
         build: Box::new(build),
     })
 }

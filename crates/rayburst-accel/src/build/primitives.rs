@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::{Vec3, Vec4};
 use rayburst_math::Aabb;
+use rayburst_simd::{Isa, IsaLevel, Kernel};
 use rayon::prelude::*;
 
 use super::bounds::Bounds4;
@@ -154,16 +155,54 @@ fn is_outside(mesh: &TriangleMesh<'_>, corners: &[u32; 3]) -> bool {
 }
 
 /// Whether all indices of a mesh name vertices.
-pub(crate) fn check_indices(geometry: usize, mesh: &TriangleMesh<'_>) -> Result<(), BuildError> {
-    let any = mesh.indices.par_iter().with_min_len(4096).any(|corners| is_outside(mesh, corners));
-    if any { Err(outside(geometry, mesh)) } else { Ok(()) }
+pub(crate) fn check_indices(
+    isa: IsaLevel,
+    geometry: usize,
+    mesh: &TriangleMesh<'_>,
+) -> Result<(), BuildError> {
+    // The largest index is found in vectors; a search for one that is too large is not.
+    let largest = |corners: &[[u32; 3]]| isa.dispatch(Largest(corners.as_flattened()));
+    let fits = |corners: &[[u32; 3]]| (largest(corners) as usize) < mesh.positions.len();
+    if mesh.indices.par_chunks(1 << 14).all(fits) { Ok(()) } else { Err(outside(geometry, mesh)) }
+}
+
+/// The largest of some numbers, or 0, as a kernel.
+struct Largest<'a>(&'a [u32]);
+
+impl Kernel for Largest<'_> {
+    type Output = u32;
+
+    #[inline(always)]
+    fn run<I: Isa>(self, _: I) -> u32 {
+        let mut largest = 0;
+        for &number in self.0 {
+            largest = largest.max(number);
+        }
+        largest
+    }
+}
+
+/// Whether the indices of one triangle name vertices.
+pub(crate) fn check_triangle(
+    geometry: usize,
+    mesh: &TriangleMesh<'_>,
+    primitive: usize,
+) -> Result<(), BuildError> {
+    if is_outside(mesh, &mesh.indices[primitive]) {
+        return Err(outside_at(geometry, mesh, primitive));
+    }
+    Ok(())
 }
 
 /// Names the first index that is out of range.
-fn outside(geometry: usize, mesh: &TriangleMesh<'_>) -> BuildError {
-    let vertices = mesh.positions.len();
+pub(crate) fn outside(geometry: usize, mesh: &TriangleMesh<'_>) -> BuildError {
     let primitive = mesh.indices.iter().position(|corners| is_outside(mesh, corners));
-    let primitive = primitive.unwrap_or_default();
+    outside_at(geometry, mesh, primitive.unwrap_or_default())
+}
+
+/// Names the index of a triangle that is out of range.
+fn outside_at(geometry: usize, mesh: &TriangleMesh<'_>, primitive: usize) -> BuildError {
+    let vertices = mesh.positions.len();
     let corners = mesh.indices[primitive];
     let index = corners.into_iter().find(|&index| index as usize >= vertices);
     BuildError::IndexOutOfRange {

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::{
     morton::{Grid, INACTIVE},
-    primitives::{active_bounds, check_indices},
+    primitives::{active_bounds, outside},
 };
 use crate::{BuildError, Curve, TriangleMesh, geometry::MAX_COORDINATE};
 
@@ -150,7 +150,7 @@ fn keys(
             .try_reduce(empty, |a, b| Some(a.merge(b)));
         match filled {
             Some(filled) => places = places.merge(filled),
-            None => check_indices(geometry, mesh)?,
+            None => return Err(outside(geometry, mesh)),
         }
     }
     Ok((keys, places))

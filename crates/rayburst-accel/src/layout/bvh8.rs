@@ -121,6 +121,8 @@ pub(crate) struct Bvh8 {
     compressed: bool,
     /// Where the nodes above clusters start, if there are any; see [`super::hlbvh8`].
     above: Option<usize>,
+    /// Whether boxes may be larger than what is in them, after a refit of a few triangles.
+    pub(crate) loose: bool,
     pub(crate) bounds: Aabb,
     pub(crate) shape: Shape,
 }
@@ -163,12 +165,12 @@ impl Bvh8 {
 
     /// A tree that was written elsewhere; its root is at the start.
     pub(crate) fn of_lines(lines: Vec<Line>, bounds: Aabb, shape: Shape) -> Self {
-        Self { lines, compressed: false, above: None, bounds, shape }
+        Self { lines, compressed: false, above: None, loose: false, bounds, shape }
     }
 
     /// A compressed tree.
     pub(crate) fn of_units(lines: Vec<Line>, bounds: Aabb, shape: Shape) -> Self {
-        Self { lines, compressed: true, above: None, bounds, shape }
+        Self { lines, compressed: true, above: None, loose: false, bounds, shape }
     }
 
     /// The same with nodes above clusters from some line on.

@@ -39,6 +39,10 @@ impl Bounds {
         Aabb { lower: self.lower.truncate(), upper: self.upper.truncate() }
     }
 
+    pub(crate) fn is_empty(&self) -> bool {
+        self.lower.cmple(self.upper).bitmask() & 7 != 7
+    }
+
     pub(crate) fn half_area(&self) -> f32 {
         let e = self.upper - self.lower;
         e.x * e.y + e.y * e.z + e.z * e.x

@@ -12,6 +12,7 @@ mod nearest;
 mod oracle;
 mod oracle_tests;
 mod refit;
+mod refit_changed;
 mod rules;
 mod small;
 mod splits;
