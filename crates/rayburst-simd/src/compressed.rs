@@ -92,10 +92,12 @@ impl<'a> TriangleRows<'a> {
     /// The corners of a triangle.
     #[inline(always)]
     pub fn corners(self, lane: usize) -> [[f32; 3]; 3] {
-        let row =
-            |row: usize| f32::from_bits(self.words[(row * self.count + lane % 4) % LEAF_WORDS]);
-        let corner = |i: usize| [row(3 * i), row(3 * i + 1), row(3 * i + 2)];
-        [corner(0), corner(1), corner(2)]
+        let mut corners = [[0.0; 3]; 3];
+        for (row, number) in corners.as_flattened_mut().iter_mut().enumerate() {
+            let word = self.words[(row * self.count + lane % 4) % LEAF_WORDS];
+            *number = f32::from_bits(word);
+        }
+        corners
     }
 
     /// The id of a triangle.

@@ -177,13 +177,24 @@ pub fn check(bytes: &[u8]) {
         };
         let refit = parts.map(|part| TriangleMesh { positions: &input.moved, ..part });
         // Triangles that appear are an error, after which the structure is as before.
-        if moved.refit(&refit).is_ok() {
+        let mut grown = blas.clone();
+        let refitted = moved.refit(&refit);
+        let every = (0..).zip(&parts).flat_map(|(geometry, part)| {
+            (0..part.indices.len() as u32).map(move |primitive| (geometry, primitive))
+        });
+        let changed = grown.refit_changed(&refit, &every.collect::<Vec<_>>());
+        assert_eq!(changed.is_ok(), refitted.is_ok(), "{changed:?} {refitted:?}");
+        if let Err(defect) = grown.validate() {
+            panic!("{}: refit of what changed: {defect}", isa.name());
+        }
+        if refitted.is_ok() {
             let answers =
                 check_modes(&moved, rays, input.options, expected_refit.as_ref(), isa.name());
             if expected_refit.is_none() {
                 let brute = brute::closest(&moved, &refit, rays, input.options.cull);
                 assert_same("refit is not brute force", &answers[0].closest, &brute, rays);
             }
+            check_modes(&grown, rays, input.options, Some(&answers), isa.name());
             expected_refit.get_or_insert(answers);
         }
 
