@@ -226,6 +226,11 @@ mod tests {
     use super::*;
 
     #[test]
+    fn bundles_of_infinite_slack_meet_no_empty_slot() {
+        check(include_bytes!("fuzz/infinite_slack.bin"));
+    }
+
+    #[test]
     fn all_ways_agree_on_any_bytes() {
         check(&[]);
         let mut mutator = inputs::Mutator::new(1);

@@ -18,6 +18,9 @@ pub(super) struct Options {
     /// Where randomness starts
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Inputs to pass over first
+    #[arg(long, default_value_t = 0)]
+    skip: u64,
     /// Go on after findings
     #[arg(long)]
     keep_going: bool,
@@ -41,6 +44,7 @@ fn run_here(options: &Options) -> Result<(), String> {
         return Ok(());
     }
     let folder = super::folder("target/fuzz")?;
+    let running = folder.join(format!("running-{}.bin", options.seed));
     let (begin, mut said) = (Instant::now(), Instant::now());
     let limit = Duration::from_secs_f64(60.0 * options.minutes.clamp(0.0, 1e6));
     let mut mutator = Mutator::new(options.seed);
@@ -48,6 +52,12 @@ fn run_here(options: &Options) -> Result<(), String> {
     while begin.elapsed() < limit {
         let bytes = mutator.next_input();
         count += 1;
+        if count <= options.skip {
+            continue;
+        }
+        // What a crash leaves behind.
+        fs::write(&running, &bytes)
+            .map_err(|e| format!("cannot write {}: {e}", running.display()))?;
         if catch_unwind(|| fuzz::check(&bytes)).is_err() {
             findings += 1;
             let path = folder.join(format!("finding-{}-{count}.bin", options.seed));
@@ -64,6 +74,7 @@ fn run_here(options: &Options) -> Result<(), String> {
             eprintln!("{count} inputs, {:.0}/s, {findings} findings", count as f64 / seconds);
         }
     }
+    fs::remove_file(&running).map_err(|e| format!("cannot remove {}: {e}", running.display()))?;
     if findings > 0 {
         return Err(format!("{findings} findings among {count} inputs; they are in target/fuzz"));
     }

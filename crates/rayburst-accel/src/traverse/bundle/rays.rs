@@ -51,14 +51,16 @@ impl Bundle {
         let scale = f32::from_bits((254 - exponent) << 23);
         let unscale = f32::from_bits(exponent << 23);
         let origins = origins(isa, rays, members, chief);
-        let reach = [0, 1, 2].map(|axis| {
+        let (mut reach, mut error) = ([0.0f32; 3], [0.0; 3]);
+        for axis in 0..3 {
             let [low, high] = origins[axis];
-            (high - bounds.lower[axis]).abs().max((bounds.upper[axis] - low).abs())
-        });
-        let error = [0, 1, 2].map(|axis| {
+            reach[axis] = (high - bounds.lower[axis]).abs().max((bounds.upper[axis] - low).abs());
+        }
+        for axis in 0..3 {
             let [low, high] = origins[axis];
-            prepare::box_error(reach[axis], reach[longest], low.abs().max(high.abs()))
-        });
+            error[axis] =
+                prepare::box_error(reach[axis], reach[longest], low.abs().max(high.abs()));
+        }
         let mut how = Preparation16 {
             lanes: 0,
             spare: [chief.origin.into(), chief.direction.into()],

@@ -107,6 +107,10 @@ impl<I: Isa, S: Structure, F: CandidateFilter, C: Count> Pilot<'_, '_, I, S, F, 
                     let slot =
                         if Q::ORDERED { mask.trailing_zeros() } else { mask.ilog2() } as usize % 8;
                     mask &= !(1 << slot);
+                    // An empty slot, which an interval of infinite slack meets.
+                    if boxes.planes[0][slot] > boxes.planes[1][slot] {
+                        continue;
+                    }
                     let Some(group) = (from..GROUPS).find(|&g| {
                         isa.box16(boxes, slot, &bundle.axes, &bundle.groups[g]) & bundle.active[g]
                             != 0
