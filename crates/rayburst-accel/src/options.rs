@@ -10,10 +10,10 @@ use crate::{BuildControl, BuildError, build::reinsertion::Effort};
 pub enum BuildQuality {
     /// The fastest build: triangles in the order of a Morton curve.
     Fast,
-    /// Binned surface area heuristic.
+    /// Binned surface area heuristic, and a little reinsertion.
     #[default]
     Balanced,
-    /// Spatial splits: triangles may be in several leaves.
+    /// Spatial splits: triangles may be in several leaves; and more reinsertion.
     Best,
 }
 

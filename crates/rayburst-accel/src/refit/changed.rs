@@ -9,20 +9,20 @@
 
 use glam::Vec3;
 use rayburst_math::Aabb;
+use rayburst_simd::Triangles4;
 
-use super::RefitReport;
+use super::{RefitReport, block_mut, node_mut};
 use crate::{
     Blas, BuildError, TriangleMesh,
     blas::NO_BLOCK,
     build::{primitives::check_triangle, triangle_keys::hittable},
     layout::{
         arena::Line,
-        bvh8::{Bvh8, NODE_LINES, Node8, Reference},
-        curve_leaves::{Bounds, LEAF_WORDS},
+        bvh8::{Bvh8, Node8, Reference},
+        curve_leaves::Bounds,
         triangles::{BLOCK, TriangleId},
     },
 };
-use rayburst_simd::Triangles4;
 
 /// The ways up a tree.
 #[derive(Clone, Debug)]
@@ -157,7 +157,8 @@ impl Blas {
                     moved.grow(a.min(b).min(c), a.max(b).max(c));
                 }
                 let (lines, _) = self.tree.lines_mut();
-                let was_there = write(block_mut(lines, place.leaf), place.triangle, corners);
+                let was_there =
+                    write(block_mut(lines, place.leaf as usize), place.triangle, corners);
                 let is_there = corners.is_some();
                 difference.vanished += usize::from(place.is_known && was_there && !is_there);
                 difference.returned += usize::from(place.is_known && !was_there && is_there);
@@ -210,7 +211,7 @@ fn grow_boxes(
     let mut child = Reference::leaf(leaf);
     loop {
         let parent = links.parents[child.value() as usize / 2];
-        let node = node_mut(lines, parent);
+        let node = node_mut(lines, parent as usize);
         let Some(slot) = node.children.iter().position(|&other| other == child) else {
             return false;
         };
@@ -238,13 +239,4 @@ fn box_of(node: &Node8, slot: usize) -> Aabb {
         lower: Vec3::new(planes[0], planes[2], planes[4]),
         upper: Vec3::new(planes[1], planes[3], planes[5]),
     }
-}
-
-fn node_mut(lines: &mut [Line], line: u32) -> &mut Node8 {
-    &mut bytemuck::cast_slice_mut(&mut lines[line as usize..][..NODE_LINES])[0]
-}
-
-fn block_mut(lines: &mut [Line], half_line: u32) -> &mut Triangles4 {
-    let words: &mut [u32] = bytemuck::cast_slice_mut(lines);
-    &mut bytemuck::cast_slice_mut(&mut words[8 * half_line as usize..][..LEAF_WORDS])[0]
 }

@@ -7,12 +7,13 @@
 use glam::{Mat4, Vec3, Vec4};
 use rayburst_simd::{Isa, Triangles4};
 
+use super::block_mut;
 use crate::{
     MAX_COORDINATE, TriangleMesh,
     build::triangle_keys::{AREA_ERROR, hittable},
     layout::{
         arena::Line,
-        curve_leaves::{Bounds, LEAF_WORDS},
+        curve_leaves::Bounds,
         triangles::{BLOCK, TriangleId, locate},
     },
 };
@@ -35,6 +36,14 @@ pub(super) struct Job {
     pub(super) half_line: u32,
     /// Which box is its.
     pub(super) slot: u32,
+}
+
+impl Job {
+    /// The half line of its block, counted from some line.
+    #[inline(always)]
+    fn place(&self, first_line: usize) -> usize {
+        self.half_line as usize - 2 * first_line
+    }
 }
 
 /// What is known of a leaf so far.
@@ -97,12 +106,11 @@ impl Source<'_> {
         boxes: &mut [Bounds],
     ) -> usize {
         let mut finder = Finder::new(*self);
-        let words: &mut [u32] = bytemuck::cast_slice_mut(lines);
         let mut hidden = 0;
         let mut drafts = [Draft::default(); BATCH];
         for batch in jobs.chunks(BATCH) {
             for (job, draft) in batch.iter().zip(&mut drafts) {
-                let triangles = triangles_of(block_of(words, first_line, job));
+                let triangles = triangles_of(block_mut(lines, job.place(first_line)));
                 if !finder.holds(&triangles) {
                     finder.look_up(triangles[0]);
                 }
@@ -132,7 +140,7 @@ impl Source<'_> {
                 }
             }
             for (job, draft) in batch.iter().zip(&drafts) {
-                let block = block_of(words, first_line, job);
+                let block = block_mut(lines, job.place(first_line));
                 let corners = if draft.geometry == MIXED {
                     None
                 } else {
@@ -169,13 +177,6 @@ impl Source<'_> {
         }
         corners
     }
-}
-
-/// The block of a leaf, given the words from some line on.
-#[inline(always)]
-fn block_of<'w>(words: &'w mut [u32], first_line: usize, job: &Job) -> &'w mut Triangles4 {
-    let first = (job.half_line as usize - 2 * first_line) * 8;
-    &mut bytemuck::cast_slice_mut(&mut words[first..first + LEAF_WORDS])[0]
 }
 
 /// The triangles of a block; lanes that are not used repeat the first one.

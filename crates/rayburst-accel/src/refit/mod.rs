@@ -12,11 +12,17 @@ mod leaves;
 mod whole;
 
 use rayburst_math::Aabb;
+use rayburst_simd::Triangles4;
 
 use self::{leaves::Source, whole::Whole};
 use crate::{
     Blas, BuildError, TriangleMesh,
     build::{primitives::check_indices, triangle_keys::hittable},
+    layout::{
+        arena::Line,
+        bvh8::{NODE_LINES, Node8},
+        curve_leaves::LEAF_WORDS,
+    },
 };
 
 /// What a refit did.
@@ -30,6 +36,19 @@ pub struct RefitReport {
     pub sah_after: f32,
     /// Boxes of nodes and leaves that are not what they were.
     pub boxes_changed: usize,
+}
+
+/// The node that starts at a line.
+#[inline(always)]
+fn node_mut(lines: &mut [Line], line: usize) -> &mut Node8 {
+    &mut bytemuck::cast_slice_mut(&mut lines[line..line + NODE_LINES])[0]
+}
+
+/// The block of a leaf that starts at a half line.
+#[inline(always)]
+fn block_mut(lines: &mut [Line], half_line: usize) -> &mut Triangles4 {
+    let words: &mut [u32] = bytemuck::cast_slice_mut(lines);
+    &mut bytemuck::cast_slice_mut(&mut words[8 * half_line..][..LEAF_WORDS])[0]
 }
 
 impl Blas {

@@ -10,7 +10,10 @@ use glam::{BVec4A, Mat4, Vec4};
 use rayburst_simd::{Isa, IsaLevel, Kernel};
 use rayon::prelude::*;
 
-use super::leaves::{Job, Source};
+use super::{
+    leaves::{Job, Source},
+    node_mut,
+};
 use crate::layout::{
     arena::Line,
     bvh8::{Bvh8, NODE_LINES, Node8, Reference},
@@ -252,12 +255,6 @@ fn walk<I: Isa>(
 /// The line where a child starts.
 fn line_of(child: Reference) -> usize {
     (child.value() / 2) as usize
-}
-
-/// The node that starts at a line.
-#[inline(always)]
-fn node_mut(lines: &mut [Line], line: usize) -> &mut Node8 {
-    &mut bytemuck::cast_slice_mut(&mut lines[line..line + NODE_LINES])[0]
 }
 
 /// Half the area of a box; zero if it is empty.

@@ -295,3 +295,33 @@ fn the_cost_of_a_toy_tree_is_that_by_hand() {
         assert_eq!((stats.leaves, stats.sah_cost), (1, 2.0));
     }
 }
+
+#[test]
+fn reinsertion_takes_cost_off_binary_trees_and_is_refused_without_one() {
+    // Large triangles among small ones, which a split from the top puts badly.
+    let (mut mesh, large) = (soup(3, 5000, 0.02), soup(4, 500, 0.5));
+    let first = mesh.positions.len() as u32;
+    mesh.indices.extend(large.indices.iter().map(|corners| corners.map(|i| first + i)));
+    mesh.positions.extend(&large.positions);
+    for builder in Builder::ALL {
+        let with = |passes| {
+            let options = BuildOptions {
+                quality: BuildQuality::Best,
+                builder: Some(builder),
+                reinsertion: Some(passes),
+                ..BuildOptions::default()
+            };
+            Blas::build(&[mesh.geometry()], &options)
+        };
+        let plain = with(0).unwrap();
+        if matches!(builder, Builder::Lbvh | Builder::Hlbvh) {
+            assert_eq!(with(1).unwrap_err(), BuildError::NoBinaryTree { builder });
+            continue;
+        }
+        let better = with(8).unwrap();
+        better.validate().unwrap();
+        let (before, after) = (plain.stats(), better.stats());
+        assert_eq!((before.leaves, before.references), (after.leaves, after.references));
+        assert!(after.sah_cost < before.sah_cost, "{builder:?}: {before:?} {after:?}");
+    }
+}
