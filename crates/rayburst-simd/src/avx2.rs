@@ -8,7 +8,7 @@ use crate::{
     isa::SLOT,
     x86::{self, EightBoxes, Node},
     x86_group::group_methods,
-    x86_lanes::F8,
+    x86_lanes::{self, F8},
 };
 
 /// Proof that the CPU has AVX2, FMA, BMI1, BMI2, F16C, LZCNT and POPCNT.
@@ -60,13 +60,25 @@ impl Isa for Avx2 {
         self,
         node: (&Boxes8, &[u32; 8]),
         ray: &SlabRay,
-        t_min: f32,
-        t_max: f32,
+        span: [f32; 2],
         keys: &mut [u32; 8],
         found: &mut [u32; 8],
-    ) -> (usize, u32) {
+    ) -> usize {
+        let [count] = self.sorted8_of([node], [ray], [span], [keys], [found]);
+        count
+    }
+
+    #[inline(always)]
+    fn sorted8_of<const N: usize>(
+        self,
+        nodes: [(&Boxes8, &[u32; 8]); N],
+        rays: [&SlabRay; N],
+        spans: [[f32; 2]; N],
+        keys: [&mut [u32; 8]; N],
+        found: [&mut [u32; 8]; N],
+    ) -> [usize; N] {
         // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { sorted8(node, ray, t_min, t_max, keys, found) }
+        unsafe { sorted8_of(nodes, rays, spans, keys, found) }
     }
 
     #[inline(always)]
@@ -96,17 +108,16 @@ impl Isa for Avx2 {
     }
 
     #[inline(always)]
-    fn quantized_sorted8(
+    fn quantized_sorted8_of<const N: usize>(
         self,
-        node: &QuantizedNode8,
-        ray: &SlabRay,
-        t_min: f32,
-        t_max: f32,
-        keys: &mut [u32; 8],
-        found: &mut [u32; 8],
-    ) -> (usize, u32) {
+        nodes: [&QuantizedNode8; N],
+        rays: [&SlabRay; N],
+        spans: [[f32; 2]; N],
+        keys: [&mut [u32; 8]; N],
+        found: [&mut [u32; 8]; N],
+    ) -> [usize; N] {
         // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { sorted8(node, ray, t_min, t_max, keys, found) }
+        unsafe { sorted8_of(nodes, rays, spans, keys, found) }
     }
 
     #[inline(always)]
@@ -152,6 +163,23 @@ impl Isa for Avx2 {
     ) -> Nearest {
         // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
         unsafe { x86::nearest4(block, ray, t_min, t_max, keep) }
+    }
+
+    #[inline(always)]
+    fn nearest4_of4(
+        self,
+        blocks: [&Triangles4; 4],
+        rays: [&ShearRay; 4],
+        spans: [[f32; 2]; 4],
+        keep: [[u32; 2]; 4],
+    ) -> [Nearest; 4] {
+        let mut all = [Nearest::NONE; 4];
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe {
+            x86_lanes::nearest_of_quads::<F8>(0, &blocks, &rays, &spans, &keep, &mut all);
+            x86_lanes::nearest_of_quads::<F8>(2, &blocks, &rays, &spans, &keep, &mut all);
+        }
+        all
     }
 
     #[inline(always)]
@@ -256,60 +284,72 @@ unsafe fn set_lanes(mask: u32) -> __m256i {
     }
 }
 
-/// Exchanges lanes by `$shuffled` and keeps the greater but in the lanes of `$lesser`.
-macro_rules! exchange {
-    ($keys:ident, $shuffled:expr, $lesser:literal) => {{
-        let other = $shuffled;
-        _mm256_blend_epi32::<$lesser>(
-            _mm256_max_epu32($keys, other),
-            _mm256_min_epu32($keys, other),
-        )
-    }};
+/// Exchanges the lanes of each vector as said, and keeps the greater but in the lanes of `$lesser`.
+macro_rules! stage {
+    ($all:ident, |$keys:ident| $shuffled:expr, $lesser:literal) => {
+        let mut i = 0;
+        while i < $all.len() {
+            let $keys = $all[i];
+            let other = $shuffled;
+            $all[i] = _mm256_blend_epi32::<$lesser>(
+                _mm256_max_epu32($keys, other),
+                _mm256_min_epu32($keys, other),
+            );
+            i += 1;
+        }
+    };
 }
 
 /// # Safety
 /// The CPU must have what [`Avx2`] proves.
 #[inline(always)]
-unsafe fn sorted8<N: Node>(
-    node: N,
-    ray: &SlabRay,
-    t_min: f32,
-    t_max: f32,
-    keys: &mut [u32; 8],
-    found: &mut [u32; 8],
-) -> (usize, u32) {
+unsafe fn sorted8_of<const N: usize, B: Node>(
+    nodes: [B; N],
+    rays: [&SlabRay; N],
+    spans: [[f32; 2]; N],
+    keys: [&mut [u32; 8]; N],
+    found: [&mut [u32; 8]; N],
+) -> [usize; N] {
     // SAFETY: the caller's promise; all arrays have eight lanes, aligned or not.
     unsafe {
-        let (near, far) = node.interval8(ray, t_min, t_max);
-        let met = _mm256_cmp_ps::<_CMP_LE_OQ>(near, far);
-        let mask = _mm256_movemask_ps(met) as u32;
-        let met = _mm256_castps_si256(met);
+        let mut sorted = [_mm256_setzero_si256(); N];
+        let (mut counts, mut most) = ([0; N], 0);
         let slots = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
         let slot_bits = _mm256_set1_epi32(SLOT as i32);
-        let distances = _mm256_andnot_si256(slot_bits, _mm256_castps_si256(near));
-        let all = _mm256_or_si256(distances, slots);
-        let beyond = _mm256_cmpeq_epi32(met, _mm256_setzero_si256());
-        let nearest = x86::least8(_mm256_or_si256(all, beyond)) & SLOT;
-        // Lanes that are not met become zero: the least key.
-        let mut sorted = _mm256_permutevar8x32_epi32(_mm256_and_si256(all, met), set_lanes(mask));
-        let count = mask.count_ones();
-        // Bitonic sorting networks (Batcher 1968), greatest first: both halves, then all.
-        sorted = exchange!(sorted, _mm256_shuffle_epi32::<0b10_11_00_01>(sorted), 0b1010_1010);
-        sorted = exchange!(sorted, _mm256_shuffle_epi32::<0b00_01_10_11>(sorted), 0b1100_1100);
-        sorted = exchange!(sorted, _mm256_shuffle_epi32::<0b10_11_00_01>(sorted), 0b1010_1010);
-        if count > 4 {
-            let reverse = _mm256_setr_epi32(7, 6, 5, 4, 3, 2, 1, 0);
-            let reversed = _mm256_permutevar8x32_epi32(sorted, reverse);
-            sorted = exchange!(sorted, reversed, 0b1111_0000);
-            sorted = exchange!(sorted, _mm256_shuffle_epi32::<0b01_00_11_10>(sorted), 0b1100_1100);
-            sorted = exchange!(sorted, _mm256_shuffle_epi32::<0b10_11_00_01>(sorted), 0b1010_1010);
+        let mut i = 0;
+        while i < N {
+            let (near, far) = nodes[i].interval8(rays[i], spans[i][0], spans[i][1]);
+            let met = _mm256_cmp_ps::<_CMP_LE_OQ>(near, far);
+            let mask = _mm256_movemask_ps(met) as u32;
+            let distances = _mm256_andnot_si256(slot_bits, _mm256_castps_si256(near));
+            let all = _mm256_or_si256(distances, slots);
+            // Lanes that are not met become zero: the least key.
+            let met = _mm256_and_si256(all, _mm256_castps_si256(met));
+            sorted[i] = _mm256_permutevar8x32_epi32(met, set_lanes(mask));
+            counts[i] = mask.count_ones() as usize;
+            most |= counts[i] + 3;
+            i += 1;
         }
-        // The permutation looks at the three bits that hold the slot.
-        let children = node.children();
-        _mm256_storeu_si256(keys.as_mut_ptr().cast(), sorted);
-        let sorted_children = _mm256_permutevar8x32_epi32(children, sorted);
-        _mm256_storeu_si256(found.as_mut_ptr().cast(), sorted_children);
-        (count as usize, nearest)
+        // Bitonic sorting networks (Batcher 1968), greatest first: both halves, then all.
+        stage!(sorted, |keys| _mm256_shuffle_epi32::<0b10_11_00_01>(keys), 0b1010_1010);
+        stage!(sorted, |keys| _mm256_shuffle_epi32::<0b00_01_10_11>(keys), 0b1100_1100);
+        stage!(sorted, |keys| _mm256_shuffle_epi32::<0b10_11_00_01>(keys), 0b1010_1010);
+        // Some count is greater than four.
+        if most >= 8 {
+            let reverse = _mm256_setr_epi32(7, 6, 5, 4, 3, 2, 1, 0);
+            stage!(sorted, |keys| _mm256_permutevar8x32_epi32(keys, reverse), 0b1111_0000);
+            stage!(sorted, |keys| _mm256_shuffle_epi32::<0b01_00_11_10>(keys), 0b1100_1100);
+            stage!(sorted, |keys| _mm256_shuffle_epi32::<0b10_11_00_01>(keys), 0b1010_1010);
+        }
+        let mut i = 0;
+        while i < N {
+            // The permutation looks at the three bits that hold the slot.
+            let children = _mm256_permutevar8x32_epi32(nodes[i].children(), sorted[i]);
+            _mm256_storeu_si256(keys[i].as_mut_ptr().cast(), sorted[i]);
+            _mm256_storeu_si256(found[i].as_mut_ptr().cast(), children);
+            i += 1;
+        }
+        counts
     }
 }
 

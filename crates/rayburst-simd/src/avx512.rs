@@ -9,7 +9,7 @@ use crate::{
     isa::SLOT,
     x86::{self, EightBoxes, Node},
     x86_group::group_methods,
-    x86_lanes::F16,
+    x86_lanes::{self, F16},
 };
 
 /// Proof that the CPU has AVX-512 F, VL, BW, DQ and CD, and all of [`crate::Avx2`].
@@ -62,13 +62,25 @@ impl Isa for Avx512 {
         self,
         node: (&Boxes8, &[u32; 8]),
         ray: &SlabRay,
-        t_min: f32,
-        t_max: f32,
+        span: [f32; 2],
         keys: &mut [u32; 8],
         found: &mut [u32; 8],
-    ) -> (usize, u32) {
+    ) -> usize {
+        let [count] = self.sorted8_of([node], [ray], [span], [keys], [found]);
+        count
+    }
+
+    #[inline(always)]
+    fn sorted8_of<const N: usize>(
+        self,
+        nodes: [(&Boxes8, &[u32; 8]); N],
+        rays: [&SlabRay; N],
+        spans: [[f32; 2]; N],
+        keys: [&mut [u32; 8]; N],
+        found: [&mut [u32; 8]; N],
+    ) -> [usize; N] {
         // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { sorted8(node, ray, t_min, t_max, keys, found) }
+        unsafe { sorted8_of(nodes, rays, spans, keys, found) }
     }
 
     #[inline(always)]
@@ -98,17 +110,16 @@ impl Isa for Avx512 {
     }
 
     #[inline(always)]
-    fn quantized_sorted8(
+    fn quantized_sorted8_of<const N: usize>(
         self,
-        node: &QuantizedNode8,
-        ray: &SlabRay,
-        t_min: f32,
-        t_max: f32,
-        keys: &mut [u32; 8],
-        found: &mut [u32; 8],
-    ) -> (usize, u32) {
+        nodes: [&QuantizedNode8; N],
+        rays: [&SlabRay; N],
+        spans: [[f32; 2]; N],
+        keys: [&mut [u32; 8]; N],
+        found: [&mut [u32; 8]; N],
+    ) -> [usize; N] {
         // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { sorted8(node, ray, t_min, t_max, keys, found) }
+        unsafe { sorted8_of(nodes, rays, spans, keys, found) }
     }
 
     #[inline(always)]
@@ -154,6 +165,22 @@ impl Isa for Avx512 {
     ) -> Nearest {
         // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
         unsafe { x86::nearest4(block, ray, t_min, t_max, keep) }
+    }
+
+    #[inline(always)]
+    fn nearest4_of4(
+        self,
+        blocks: [&Triangles4; 4],
+        rays: [&ShearRay; 4],
+        spans: [[f32; 2]; 4],
+        keep: [[u32; 2]; 4],
+    ) -> [Nearest; 4] {
+        let mut all = [Nearest::NONE; 4];
+        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+        unsafe {
+            x86_lanes::nearest_of_quads::<F16>(0, &blocks, &rays, &spans, &keep, &mut all);
+        }
+        all
     }
 
     #[inline(always)]
@@ -221,58 +248,73 @@ unsafe fn slab8<B: EightBoxes>(
     }
 }
 
-/// Exchanges lanes by `$shuffled` and keeps the greater in the lanes of `$greater`.
-macro_rules! exchange {
-    ($keys:ident, $shuffled:expr, $greater:literal) => {{
-        let other = $shuffled;
-        _mm256_mask_max_epu32(_mm256_min_epu32($keys, other), $greater, $keys, other)
-    }};
+/// Exchanges the lanes of each vector as said, and keeps the greater in the lanes of `$greater`.
+macro_rules! stage {
+    ($all:ident, |$keys:ident| $shuffled:expr, $greater:literal) => {
+        let mut i = 0;
+        while i < $all.len() {
+            let $keys = $all[i];
+            let other = $shuffled;
+            let lesser = _mm256_min_epu32($keys, other);
+            $all[i] = _mm256_mask_max_epu32(lesser, $greater, $keys, other);
+            i += 1;
+        }
+    };
 }
 
 /// # Safety
 /// The CPU must have what [`Avx512`] proves.
 #[inline(always)]
-unsafe fn sorted8<N: Node>(
-    node: N,
-    ray: &SlabRay,
-    t_min: f32,
-    t_max: f32,
-    keys: &mut [u32; 8],
-    found: &mut [u32; 8],
-) -> (usize, u32) {
+unsafe fn sorted8_of<const N: usize, B: Node>(
+    nodes: [B; N],
+    rays: [&SlabRay; N],
+    spans: [[f32; 2]; N],
+    keys: [&mut [u32; 8]; N],
+    found: [&mut [u32; 8]; N],
+) -> [usize; N] {
     // SAFETY: the caller's promise; all arrays have eight lanes, aligned or not.
     unsafe {
-        let (near, far) = node.interval8(ray, t_min, t_max);
-        let mask = _mm256_cmp_ps_mask::<_CMP_LE_OQ>(near, far);
+        let (mut masks, mut sorted) = ([0; N], [_mm256_setzero_si256(); N]);
+        let (mut counts, mut most) = ([0; N], 0);
         let slots = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
-        // slots | (near & !SLOT) in one instruction.
-        let all = _mm256_ternarylogic_epi32::<0b1111_0100>(
-            slots,
-            _mm256_castps_si256(near),
-            _mm256_set1_epi32(SLOT as i32),
-        );
-        let beyond = _mm256_set1_epi32(-1);
-        let nearest = x86::least8(_mm256_mask_mov_epi32(beyond, mask, all)) & SLOT;
-        // Lanes beyond become zero: the least key.
-        let mut sorted = _mm256_maskz_compress_epi32(mask, all);
-        let count = u32::from(mask).count_ones();
-        // Bitonic sorting networks (Batcher 1968), greatest first: both halves, then all.
-        sorted = exchange!(sorted, _mm256_shuffle_epi32::<0b10_11_00_01>(sorted), 0b0101_0101);
-        sorted = exchange!(sorted, _mm256_shuffle_epi32::<0b00_01_10_11>(sorted), 0b0011_0011);
-        sorted = exchange!(sorted, _mm256_shuffle_epi32::<0b10_11_00_01>(sorted), 0b0101_0101);
-        if count > 4 {
-            let reverse = _mm256_setr_epi32(7, 6, 5, 4, 3, 2, 1, 0);
-            let reversed = _mm256_permutexvar_epi32(reverse, sorted);
-            sorted = exchange!(sorted, reversed, 0b0000_1111);
-            sorted = exchange!(sorted, _mm256_shuffle_epi32::<0b01_00_11_10>(sorted), 0b0011_0011);
-            sorted = exchange!(sorted, _mm256_shuffle_epi32::<0b10_11_00_01>(sorted), 0b0101_0101);
+        let slot_bits = _mm256_set1_epi32(SLOT as i32);
+        let mut i = 0;
+        while i < N {
+            let (near, far) = nodes[i].interval8(rays[i], spans[i][0], spans[i][1]);
+            masks[i] = _mm256_cmp_ps_mask::<_CMP_LE_OQ>(near, far);
+            // slots | (near & !SLOT) in one instruction.
+            let near = _mm256_castps_si256(near);
+            sorted[i] = _mm256_ternarylogic_epi32::<0b1111_0100>(slots, near, slot_bits);
+            i += 1;
         }
-        // The permutation looks at the three bits that hold the slot.
-        let children = node.children();
-        _mm256_storeu_si256(keys.as_mut_ptr().cast(), sorted);
-        let sorted_children = _mm256_permutexvar_epi32(sorted, children);
-        _mm256_storeu_si256(found.as_mut_ptr().cast(), sorted_children);
-        (count as usize, nearest)
+        let mut i = 0;
+        while i < N {
+            // Lanes beyond become zero: the least key.
+            sorted[i] = _mm256_maskz_compress_epi32(masks[i], sorted[i]);
+            counts[i] = masks[i].count_ones() as usize;
+            most |= counts[i] + 3;
+            i += 1;
+        }
+        // Bitonic sorting networks (Batcher 1968), greatest first: both halves, then all.
+        stage!(sorted, |keys| _mm256_shuffle_epi32::<0b10_11_00_01>(keys), 0b0101_0101);
+        stage!(sorted, |keys| _mm256_shuffle_epi32::<0b00_01_10_11>(keys), 0b0011_0011);
+        stage!(sorted, |keys| _mm256_shuffle_epi32::<0b10_11_00_01>(keys), 0b0101_0101);
+        // Some count is greater than four.
+        if most >= 8 {
+            let reverse = _mm256_setr_epi32(7, 6, 5, 4, 3, 2, 1, 0);
+            stage!(sorted, |keys| _mm256_permutexvar_epi32(reverse, keys), 0b0000_1111);
+            stage!(sorted, |keys| _mm256_shuffle_epi32::<0b01_00_11_10>(keys), 0b0011_0011);
+            stage!(sorted, |keys| _mm256_shuffle_epi32::<0b10_11_00_01>(keys), 0b0101_0101);
+        }
+        let mut i = 0;
+        while i < N {
+            // The permutation looks at the three bits that hold the slot.
+            let children = _mm256_permutexvar_epi32(sorted[i], nodes[i].children());
+            _mm256_storeu_si256(keys[i].as_mut_ptr().cast(), sorted[i]);
+            _mm256_storeu_si256(found[i].as_mut_ptr().cast(), children);
+            i += 1;
+        }
+        counts
     }
 }
 

@@ -198,13 +198,12 @@ mod tests {
             let Self(node, ray) = self;
             let mask = isa.quantized_slab8(node, ray, 0.0, 10.0, &mut [0.0; 8]);
             let (mut keys, mut found) = ([0; 8], [0; 8]);
-            let (count, nearest) =
-                isa.quantized_sorted8(node, ray, 0.0, 10.0, &mut keys, &mut found);
+            let (spans, rays) = ([[0.0, 10.0]], [ray]);
+            let [count] = isa.quantized_sorted8_of([node], rays, spans, [&mut keys], [&mut found]);
             let slots_of =
                 |found: &[u32]| found.iter().fold(0, |mask, word| mask | 1 << (word - node.base));
             let sorted = slots_of(&found[..count]);
             assert!(keys[..count].is_sorted_by(|a, b| a > b));
-            assert!(count == 0 || found[count - 1] - node.base == nearest);
             let (count, first) = isa.quantized_met8(node, ray, 0.0, 10.0, &mut found);
             let others = if count == 0 { 0 } else { slots_of(&found[..count - 1]) | 1 << first };
             [mask, sorted, others]

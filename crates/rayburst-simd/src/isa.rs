@@ -26,8 +26,7 @@ pub trait Isa: Copy + Send + Sync + std::fmt::Debug + 'static {
         distances: &mut [f32; 8],
     ) -> u32;
 
-    /// The children of a node whose boxes a ray may meet, the farthest first; returns how many, and
-    /// the slot of the nearest, which is known long before the order of all.
+    /// The children of a node whose boxes a ray may meet, the farthest first; returns how many.
     ///
     /// `keys[i]` holds the bits of the distance at which the ray enters the box of `found[i]`, its
     /// lowest three bits replaced by the child's slot: bits of numbers that are not negative sort
@@ -38,11 +37,10 @@ pub trait Isa: Copy + Send + Sync + std::fmt::Debug + 'static {
         self,
         node: (&Boxes8, &[u32; 8]),
         ray: &SlabRay,
-        t_min: f32,
-        t_max: f32,
+        [t_min, t_max]: [f32; 2],
         keys: &mut [u32; 8],
         found: &mut [u32; 8],
-    ) -> (usize, u32) {
+    ) -> usize {
         let mut distances = [0.0; 8];
         let mut mask = self.slab8(node.0, ray, t_min, t_max, &mut distances);
         let mut count = 0;
@@ -58,7 +56,27 @@ pub trait Isa: Copy + Send + Sync + std::fmt::Debug + 'static {
             (keys[place], found[place]) = (key, node.1[slot]);
             count += 1;
         }
-        (count, if count == 0 { 0 } else { keys[count - 1] & SLOT })
+        count
+    }
+
+    /// [`Isa::sorted8`] of several rays, each with a node of its own and where its answer goes, stage
+    /// by stage: what one waits for is hidden behind the others.
+    #[inline(always)]
+    fn sorted8_of<const N: usize>(
+        self,
+        nodes: [(&Boxes8, &[u32; 8]); N],
+        rays: [&SlabRay; N],
+        spans: [[f32; 2]; N],
+        keys: [&mut [u32; 8]; N],
+        found: [&mut [u32; 8]; N],
+    ) -> [usize; N] {
+        let mut counts = [0; N];
+        let mut i = 0;
+        while i < N {
+            counts[i] = self.sorted8(nodes[i], rays[i], spans[i], keys[i], found[i]);
+            i += 1;
+        }
+        counts
     }
 
     /// The children of a node whose boxes a ray may meet: returns how many and the slot of the first,
@@ -96,19 +114,24 @@ pub trait Isa: Copy + Send + Sync + std::fmt::Debug + 'static {
         self.slab8(&self.expand8(node).0, ray, t_min, t_max, distances)
     }
 
-    /// [`Isa::sorted8`] of a compressed node: boxes that are barely missed may differ.
+    /// [`Isa::sorted8_of`] of compressed nodes: boxes that are barely missed may differ.
     #[inline(always)]
-    fn quantized_sorted8(
+    fn quantized_sorted8_of<const N: usize>(
         self,
-        node: &QuantizedNode8,
-        ray: &SlabRay,
-        t_min: f32,
-        t_max: f32,
-        keys: &mut [u32; 8],
-        found: &mut [u32; 8],
-    ) -> (usize, u32) {
-        let (boxes, children) = self.expand8(node);
-        self.sorted8((&boxes, &children), ray, t_min, t_max, keys, found)
+        nodes: [&QuantizedNode8; N],
+        rays: [&SlabRay; N],
+        spans: [[f32; 2]; N],
+        keys: [&mut [u32; 8]; N],
+        found: [&mut [u32; 8]; N],
+    ) -> [usize; N] {
+        let mut counts = [0; N];
+        let mut i = 0;
+        while i < N {
+            let (boxes, children) = self.expand8(nodes[i]);
+            counts[i] = self.sorted8((&boxes, &children), rays[i], spans[i], keys[i], found[i]);
+            i += 1;
+        }
+        counts
     }
 
     /// [`Isa::met8`] of a compressed node: boxes that are barely missed may differ.
@@ -167,6 +190,25 @@ pub trait Isa: Copy + Send + Sync + std::fmt::Debug + 'static {
             }
         }
         nearest
+    }
+
+    /// [`Isa::nearest4`] of four rays, each with a block of its own.
+    #[inline(always)]
+    fn nearest4_of4(
+        self,
+        blocks: [&Triangles4; 4],
+        rays: [&ShearRay; 4],
+        spans: [[f32; 2]; 4],
+        keep: [[u32; 2]; 4],
+    ) -> [Nearest; 4] {
+        let mut all = [Nearest::NONE; 4];
+        let mut i = 0;
+        while i < 4 {
+            let [t_min, t_max] = spans[i];
+            all[i] = self.nearest4(blocks[i], rays[i], t_min, t_max, keep[i]);
+            i += 1;
+        }
+        all
     }
 
     /// The boxes of a compressed node, and its children's words. The box of a slot without a child is

@@ -9,7 +9,7 @@
 use crate::{
     Boxes8, Nearest, ShearRay, SlabRay, TriangleHits, Triangles4,
     isa::SLOT,
-    triangles::{LARGE, SMALL, corners, decide_exactly},
+    triangles::{LARGE, SMALL, corners_along, decide_exactly},
 };
 
 /// Vectors of four lanes. Comparisons give lanes of ones or zeros, false for NaN.
@@ -61,8 +61,6 @@ pub(crate) unsafe trait Lanes4: Copy {
     unsafe fn swap_halves(a: Self::U) -> Self::U;
     /// The lanes of ones as bits.
     unsafe fn bits(a: Self::U) -> u32;
-    /// The least lane.
-    unsafe fn least(a: Self::U) -> u32;
     /// The least lane of numbers, none of which is NaN.
     unsafe fn least_number(a: Self::F) -> f32;
     /// For each lane the one of eight that its lowest three bits name.
@@ -154,11 +152,10 @@ unsafe fn exchange<L: Lanes4>(a: L::U, shuffled: L::U, greater: L::U) -> L::U {
 pub(crate) unsafe fn sorted8<L: Lanes4>(
     (boxes, children): (&Boxes8, &[u32; 8]),
     ray: &SlabRay,
-    t_min: f32,
-    t_max: f32,
+    [t_min, t_max]: [f32; 2],
     keys: &mut [u32; 8],
     found: &mut [u32; 8],
-) -> (usize, u32) {
+) -> usize {
     const ONES: u32 = u32::MAX;
     // SAFETY: the caller's promise.
     unsafe {
@@ -170,9 +167,6 @@ pub(crate) unsafe fn sorted8<L: Lanes4>(
             L::or(L::without(L::as_u(near), slot_bits), L::load_u(slots))
         };
         let all = [key(near[0], &[0, 1, 2, 3]), key(near[1], &[4, 5, 6, 7])];
-        let beyond = L::splat_u(ONES);
-        let least = L::min_u(L::select(met[0], all[0], beyond), L::select(met[1], all[1], beyond));
-        let nearest = L::least(least) & SLOT;
         // Lanes that are not met become zero: the least key.
         let (mut a, mut b) = (L::and(all[0], met[0]), L::and(all[1], met[1]));
         let first_of_pairs = L::load_u(&[ONES, 0, ONES, 0]);
@@ -199,7 +193,7 @@ pub(crate) unsafe fn sorted8<L: Lanes4>(
         let (parts, _) = found.as_chunks_mut::<4>();
         L::store_u(&mut parts[0], L::pick8(children, a));
         L::store_u(&mut parts[1], L::pick8(children, b));
-        (mask.count_ones() as usize, nearest)
+        mask.count_ones() as usize
     }
 }
 
@@ -335,7 +329,7 @@ pub(crate) unsafe fn triangles4<L: Lanes4>(
         found.front = L::bits(L::less(L::splat(0.0), det));
         while exact != 0 {
             let lane = exact.trailing_zeros() as usize % 4;
-            decide_exactly(&corners(block, lane), ray, lane, t_min, t_max, &mut found);
+            decide_exactly(&corners_along(block, lane, ray), ray, lane, t_min, t_max, &mut found);
             exact &= exact - 1;
         }
         if found.mask != 0 {
@@ -422,13 +416,12 @@ macro_rules! isa {
                 self,
                 node: (&crate::Boxes8, &[u32; 8]),
                 ray: &crate::SlabRay,
-                t_min: f32,
-                t_max: f32,
+                span: [f32; 2],
                 keys: &mut [u32; 8],
                 found: &mut [u32; 8],
-            ) -> (usize, u32) {
+            ) -> usize {
                 // SAFETY: `self` exists, so the CPU has the instructions.
-                unsafe { crate::lanes4::sorted8::<Self>(node, ray, t_min, t_max, keys, found) }
+                unsafe { crate::lanes4::sorted8::<Self>(node, ray, span, keys, found) }
             }
 
             #[inline(always)]

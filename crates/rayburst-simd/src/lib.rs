@@ -47,7 +47,9 @@ pub use neon::Neon;
 pub use scalar::Scalar;
 #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
 pub use simd128::Simd128;
-pub use triangles::{Nearest, ShearRay, TriangleHits, Triangles4, barycentric, corners};
+pub use triangles::{
+    Nearest, ShearRay, TriangleHits, Triangles4, along, barycentric, corners, corners_along,
+};
 
 #[cfg(test)]
 mod group_tests;

@@ -76,7 +76,6 @@ unsafe impl Lanes4 for Neon {
         swap_halves(a: Self::U) -> Self::U = vextq_u32::<2>(a, a);
         bits(a: Self::U) -> u32 =
             vaddvq_u32(vandq_u32(a, Self::load_u(&[1, 2, 4, 8])));
-        least(a: Self::U) -> u32 = vminvq_u32(a);
         least_number(a: Self::F) -> f32 = vminvq_f32(a);
         pick8(from: [Self::U; 2], lanes: Self::U) -> Self::U = {
             // Bytes 4·lane to 4·lane + 3 of a table of 32.

@@ -2,7 +2,7 @@
 
 use crate::{
     Boxes8, Isa, Kernel, ShearRay, SlabRay, TriangleHits, Triangles4,
-    triangles::{LARGE, SMALL, corners, decide_exactly, sheared},
+    triangles::{LARGE, SMALL, corners_along, decide_exactly, sheared},
 };
 
 /// The token of plain Rust, for every CPU.
@@ -52,7 +52,7 @@ impl Isa for Scalar {
     ) -> u32 {
         let mut found = TriangleHits::NONE;
         for lane in 0..4 {
-            let corners = corners(block, lane);
+            let corners = corners_along(block, lane, ray);
             let (ax, ay, az) = sheared(&corners[0], ray);
             let (bx, by, bz) = sheared(&corners[1], ray);
             let (cx, cy, cz) = sheared(&corners[2], ray);

@@ -75,10 +75,6 @@ unsafe impl Lanes4 for Simd128 {
         swap_pairs(a: Self::U) -> Self::U = u32x4_shuffle::<1, 0, 3, 2>(a, a);
         swap_halves(a: Self::U) -> Self::U = u32x4_shuffle::<2, 3, 0, 1>(a, a);
         bits(a: Self::U) -> u32 = u32::from(u32x4_bitmask(a));
-        least(a: Self::U) -> u32 = {
-            let pairs = u32x4_min(a, u32x4_shuffle::<1, 0, 3, 2>(a, a));
-            u32x4_extract_lane::<0>(u32x4_min(pairs, u32x4_shuffle::<2, 3, 0, 1>(pairs, pairs)))
-        };
         least_number(a: Self::F) -> f32 = {
             let pairs = f32x4_pmin(a, u32x4_shuffle::<1, 0, 3, 2>(a, a));
             f32x4_extract_lane::<0>(f32x4_pmin(pairs, u32x4_shuffle::<2, 3, 0, 1>(pairs, pairs)))

@@ -189,6 +189,59 @@ fn the_nearest_triangle_is_that_of_all() {
     assert!(met[0] > 100 && met[1] > 200, "{met:?}");
 }
 
+struct NearestOfFour<'a>([&'a Triangles4; 4], [&'a ShearRay; 4], [[f32; 2]; 4], [[u32; 2]; 4]);
+
+impl Kernel for NearestOfFour<'_> {
+    /// Together, then each by itself.
+    type Output = [[Nearest; 4]; 2];
+
+    #[inline(always)]
+    fn run<I: Isa>(self, isa: I) -> Self::Output {
+        let Self(blocks, rays, spans, keep) = self;
+        let mut single = [Nearest::NONE; 4];
+        for (i, nearest) in single.iter_mut().enumerate() {
+            *nearest = isa.nearest4(blocks[i], rays[i], spans[i][0], spans[i][1], keep[i]);
+        }
+        [isa.nearest4_of4(blocks, rays, spans, keep), single]
+    }
+}
+
+#[test]
+fn four_rays_meet_their_triangles_as_each_does() {
+    let mut random = Random(6);
+    let mut kinds = [0; 3];
+    for i in 0..20_000 {
+        let blocks = [(); 4].map(|()| random_block(&mut random, i % 4 == 0));
+        let rays = [0, 1, 2, 3].map(|ray: usize| {
+            let (mut origin, direction) = (random.vector(), random.vector());
+            if i % 4 == 0 {
+                // Through corners of the lattice.
+                let corner = &blocks[ray].vertices[i / 4 % 3];
+                origin = [0, 1, 2].map(|k| corner[k][0] - direction[k]);
+            }
+            ShearRay::new(&origin, &direction, 1.0)
+        });
+        let spans = [0.0, 0.1, 0.0, 0.5].map(|t_min| [t_min, 1.0 + random.next().abs()]);
+        let keep = [[u32::MAX; 2], [u32::MAX, 0], [0, u32::MAX], [u32::MAX; 2]];
+        let (blocks, rays) = (blocks.each_ref(), rays.each_ref());
+        for level in IsaLevel::available() {
+            let [all, single] = level.dispatch(NearestOfFour(blocks, rays, spans, keep));
+            for (together, alone) in all.iter().zip(&single) {
+                // What is doubtful is asked again.
+                assert_eq!(together.doubtful, alone.doubtful, "{}", level.name());
+                let kind = if alone.doubtful { 0 } else { 1 + usize::from(alone.mask != 0) };
+                kinds[kind] += 1;
+                assert!(
+                    kind == 0 || together == alone,
+                    "{}: {together:?}, {alone:?}",
+                    level.name()
+                );
+            }
+        }
+    }
+    assert!(kinds.iter().all(|&count| count > 1000), "{kinds:?}");
+}
+
 #[test]
 fn a_shared_edge_belongs_to_a_triangle_on_either_side() {
     // Two triangles of a quad, met exactly on their diagonal from many sides.
@@ -237,13 +290,19 @@ impl Kernel for Order<'_> {
         let (mut keys, mut found, mut met) = ([0; 8], [0; 8], [0; 8]);
         let mask = isa.slab8(self.0, self.1, self.2, self.3, &mut [0.0; 8]);
         let node = (self.0, &children);
-        let (count, nearest) = isa.sorted8(node, self.1, self.2, self.3, &mut keys, &mut found);
+        let span = [self.2, self.3];
+        let count = isa.sorted8(node, self.1, span, &mut keys, &mut found);
+        // Beside a ray that starts elsewhere, nothing changes.
+        let mut other = [[0; 8]; 4];
+        let [a, b, c, d] = &mut other;
+        let (nodes, rays, spans) = ([node; 2], [self.1; 2], [[0.5 * self.3, self.3], span]);
+        let [_, again] = isa.sorted8_of(nodes, rays, spans, [a, b], [c, d]);
+        assert_eq!((again, &b[..count], &d[..count]), (count, &keys[..count], &found[..count]));
         let (met_count, first) = isa.met8(node, self.1, self.2, self.3, &mut met);
         assert_eq!((count, met_count), (mask.count_ones() as usize, count));
         if mask == 0 {
             return (mask, vec![], vec![], vec![]);
         }
-        assert_eq!(nearest, keys[count - 1] & crate::SLOT);
         let mut by_slot = met[..count - 1].to_vec();
         by_slot.insert(0, children[first as usize]);
         (mask, keys[..count].to_vec(), found[..count].to_vec(), by_slot)

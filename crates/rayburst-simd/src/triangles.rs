@@ -31,13 +31,36 @@ pub(crate) const ROW_BYTES: u32 = 16;
 pub(crate) const AXES: [[u8; 3]; 6] =
     [[1, 2, 0], [2, 0, 1], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2]];
 
+/// Sixteen times those axes, at the longest one, plus four if backwards.
+const ROWS: [[u32; 4]; 8] = {
+    let mut rows = [[0; 4]; 8];
+    let mut index = 0;
+    while index < 6 {
+        let mut k = 0;
+        while k < 3 {
+            rows[index % 3 + 4 * (index / 3)][k] = ROW_BYTES * AXES[index][k] as u32;
+            k += 1;
+        }
+        index += 1;
+    }
+    rows
+};
+
+/// Three numbers and a zero.
+#[inline(always)]
+fn pad([x, y, z]: &[f32; 3]) -> [f32; 4] {
+    [*x, *y, *z, 0.0]
+}
+
 /// A ray prepared for [`Triangles4`].
 #[derive(Clone, Copy, Debug)]
+#[repr(C)]
 pub struct ShearRay {
-    origin: [f32; 3],
+    /// The fourth number does not matter, here and below.
+    origin: [f32; 4],
+    shear: [f32; 4],
     /// Sixteen times the axes.
     rows: [u32; 3],
-    shear: [f32; 3],
 }
 
 impl ShearRay {
@@ -47,26 +70,33 @@ impl ShearRay {
     pub fn new(origin: &[f32; 3], direction: &[f32; 3], scale: f32) -> Self {
         let (x, y, z) = (direction[0].abs(), direction[1].abs(), direction[2].abs());
         // Arithmetic instead of branches: no ray predicts the next one's axis.
-        let longest = usize::from(y > x) * usize::from(y >= z) + 2 * usize::from(z > x.max(y));
-        let backwards = direction[longest % 3].to_bits() >> 31;
-        let axes = AXES[(longest + 3 * backwards as usize) % 6];
-        let pick = |v: &[f32; 3]| axes.map(|axis| v[axis as usize % 3]);
-        let [dx, dy, dz] = pick(direction).map(|d| d * scale);
-        let rows = axes.map(|axis| ROW_BYTES * u32::from(axis));
-        Self { origin: pick(origin), rows, shear: [dx / dz, dy / dz, 1.0 / dz] }
+        let longest = usize::from((y > x) & (y >= z)) | usize::from((z > x) & (z > y)) << 1;
+        let [dx, dy, dz] = *direction;
+        let signs = [dx.to_bits() >> 31, dy.to_bits() >> 31, dz.to_bits() >> 31, 0];
+        let backwards = signs[longest & 3] as usize;
+        let [i, j, k, _] = ROWS[longest | backwards << 2];
+        let (origin, direction) = (pad(origin), pad(direction));
+        let pick = |v: &[f32; 4], row: u32| v[(row / ROW_BYTES) as usize & 3];
+        let rows = [i, j, k];
+        let (dx, dy, dz) =
+            (pick(&direction, i) * scale, pick(&direction, j) * scale, pick(&direction, k) * scale);
+        let (ox, oy, oz) = (pick(&origin, i), pick(&origin, j), pick(&origin, k));
+        Self { origin: [ox, oy, oz, 0.0], shear: [dx / dz, dy / dz, 1.0 / dz, 0.0], rows }
     }
 
     /// The origin along the axes that become x, y and z.
     #[inline(always)]
     pub fn origin(&self) -> [f32; 3] {
-        self.origin
+        let [x, y, z, _] = self.origin;
+        [x, y, z]
     }
 
     /// Where the rows of those axes start in a corner of [`Triangles4`], in bytes.
     #[inline(always)]
     #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
     pub(crate) fn rows(&self) -> [usize; 3] {
-        self.rows.map(|row| row as usize)
+        let [x, y, z] = self.rows;
+        [x as usize, y as usize, z as usize]
     }
 
     /// The axes that become x, y and z, each less than three.
@@ -78,7 +108,15 @@ impl ShearRay {
     /// Shears of x and y, scale of z.
     #[inline(always)]
     pub fn shear(&self) -> [f32; 3] {
-        self.shear
+        let [x, y, z, _] = self.shear;
+        [x, y, z]
+    }
+
+    /// Both, four numbers each.
+    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
+    pub(crate) fn fours(&self) -> [&[f32; 4]; 2] {
+        [&self.origin, &self.shear]
     }
 }
 
@@ -116,6 +154,11 @@ pub struct Nearest {
     pub doubtful: bool,
 }
 
+impl Nearest {
+    /// No hit.
+    pub const NONE: Self = Self { t: f32::INFINITY, lane: 0, mask: 0, doubtful: false };
+}
+
 /// Determinants of smaller magnitude are evaluated in `f64`.
 pub(crate) const SMALL: f32 = f32::from_bits((127 - 100) << 23);
 /// Determinants of larger magnitude are evaluated in `f64`.
@@ -131,17 +174,43 @@ pub fn corners(block: &Triangles4, lane: usize) -> [[f32; 3]; 3] {
     [corner(0), corner(1), corner(2)]
 }
 
-/// A corner as the ray sees it: moved to its origin and sheared.
+/// The corners of the triangle in one lane, their coordinates in the order of the ray's axes.
 #[inline(always)]
-pub(crate) fn sheared(corner: &[f32; 3], ray: &ShearRay) -> (f32, f32, f32) {
+pub fn corners_along(block: &Triangles4, lane: usize, ray: &ShearRay) -> [[f32; 3]; 3] {
+    let numbers = block.vertices.as_flattened().as_flattened();
+    let number = |corner: usize, k: usize| {
+        let index = 12 * corner + (ray.rows[k] / size_of::<f32>() as u32) as usize + lane % 4;
+        debug_assert!(index < numbers.len());
+        // SAFETY: rows start at 32 bytes at most, which are 8 numbers; 24 + 8 + 3 < 36.
+        unsafe { *numbers.get_unchecked(index) }
+    };
+    [
+        [number(0, 0), number(0, 1), number(0, 2)],
+        [number(1, 0), number(1, 1), number(1, 2)],
+        [number(2, 0), number(2, 1), number(2, 2)],
+    ]
+}
+
+/// Corners with their coordinates in the order of the ray's axes.
+#[inline(always)]
+pub fn along(corners: &[[f32; 3]; 3], ray: &ShearRay) -> [[f32; 3]; 3] {
     let [i, j, k] = ray.axes();
-    let z = corner[k % 3] - ray.origin[2];
-    let x = corner[i % 3] - ray.origin[0] - ray.shear[0] * z;
-    (x, corner[j % 3] - ray.origin[1] - ray.shear[1] * z, ray.shear[2] * z)
+    let [a, b, c] = corners;
+    [[a[i % 3], a[j % 3], a[k % 3]], [b[i % 3], b[j % 3], b[k % 3]], [c[i % 3], c[j % 3], c[k % 3]]]
+}
+
+/// A corner, its coordinates in the order of the ray's axes, as the ray sees it: moved to its origin
+/// and sheared.
+#[inline(always)]
+pub(crate) fn sheared([x, y, z]: &[f32; 3], ray: &ShearRay) -> (f32, f32, f32) {
+    let z = z - ray.origin[2];
+    let x = x - ray.origin[0] - ray.shear[0] * z;
+    (x, y - ray.origin[1] - ray.shear[1] * z, ray.shear[2] * z)
 }
 
 /// The barycentric coordinates of the second and the third corner where a ray meets a triangle, and
-/// whether that winds counter-clockwise seen from the origin.
+/// whether that winds counter-clockwise seen from the origin; coordinates of corners are in the order
+/// of the ray's axes.
 ///
 /// Has the bits of [`crate::Isa::triangles4`], and is meaningful only if the ray meets the triangle. One
 /// triangle is less work than four.
@@ -154,9 +223,12 @@ pub fn barycentric(corners: &[[f32; 3]; 3], ray: &ShearRay) -> (f32, f32, bool) 
     let v = ax * cy - ay * cx;
     let w = bx * ay - by * ax;
     let det = u + v + w;
+    // Comparisons and not `min` and `max`, which look for NaN.
+    let least = |x: f32, y: f32| if x < y { x } else { y };
+    let greatest = |x: f32, y: f32| if x > y { x } else { y };
+    let signs = least(least(u, v), w) * greatest(greatest(u, v), w);
     let size = det.abs();
-    let signs = u.min(v).min(w) * u.max(v).max(w);
-    if signs == 0.0 || !(SMALL..=LARGE).contains(&size) {
+    if (signs == 0.0) | (size < SMALL) | (size > LARGE) {
         let mut hits = TriangleHits::NONE;
         decide_exactly(corners, ray, 0, f32::NEG_INFINITY, f32::INFINITY, &mut hits);
         return (hits.u[0], hits.v[0], hits.front & 1 != 0);
@@ -164,7 +236,8 @@ pub fn barycentric(corners: &[[f32; 3]; 3], ray: &ShearRay) -> (f32, f32, bool) 
     (v / det, w / det, det > 0.0)
 }
 
-/// Decides one lane in `f64` from the same sheared corners, replacing what `hits` says of it.
+/// Decides one lane in `f64` from the same sheared corners, replacing what `hits` says of it;
+/// coordinates of corners are in the order of the ray's axes.
 #[cold]
 #[inline(never)]
 pub(crate) fn decide_exactly(

@@ -10,7 +10,7 @@ use std::arch::x86_64::*;
 use crate::{
     Boxes8, LEAF_WORDS, Nearest, QuantizedNode8, ShearRay, SlabRay, TriangleHits, TriangleRows,
     Triangles4,
-    triangles::{self, LARGE, SMALL, decide_exactly},
+    triangles::{self, LARGE, SMALL, along, decide_exactly},
 };
 
 /// Eight boxes, in either form.
@@ -169,22 +169,6 @@ unsafe fn intersect(
             _mm256_min_ps(far[2], _mm256_set1_ps(t_max)),
         );
         (near, far)
-    }
-}
-
-/// The least key of eight.
-///
-/// # Safety
-/// The CPU must have AVX2 and FMA.
-#[inline(always)]
-pub(crate) unsafe fn least8(keys: __m256i) -> u32 {
-    // SAFETY: the caller's promise; what is loaded and stored is said below.
-    unsafe {
-        let halves =
-            _mm_min_epu32(_mm256_castsi256_si128(keys), _mm256_extracti128_si256::<1>(keys));
-        let pairs = _mm_min_epu32(halves, _mm_shuffle_epi32::<0b01_00_11_10>(halves));
-        let least = _mm_min_epu32(pairs, _mm_shuffle_epi32::<0b10_11_00_01>(pairs));
-        _mm_cvtsi128_si32(least) as u32
     }
 }
 
@@ -352,7 +336,7 @@ pub(crate) unsafe fn triangles4<T: FourTriangles>(
         hits.front = _mm_movemask_ps(_mm_cmpgt_ps(det, _mm_setzero_ps())) as u32;
         while exact != 0 {
             let lane = exact.trailing_zeros() as usize;
-            decide_exactly(&triangles.corners(lane), ray, lane, t_min, t_max, hits);
+            decide_exactly(&along(&triangles.corners(lane), ray), ray, lane, t_min, t_max, hits);
             exact &= exact - 1;
         }
         hits.mask

@@ -7,7 +7,7 @@ use std::mem::MaybeUninit;
 
 use rayburst_simd::{
     Boxes8, Isa, LEAF_WORDS, Nearest, QuantizedNode8, ShearRay, SlabRay, TriangleHits,
-    TriangleRows, Triangles4, UNIT_WORDS, corners,
+    TriangleRows, Triangles4, UNIT_WORDS, along, corners_along,
 };
 
 use super::{
@@ -159,29 +159,46 @@ impl TreeView {
         }
     }
 
-    /// [`Isa::sorted8`] of a node.
+    /// Whether trees have the same layout.
+    #[inline(always)]
+    pub(crate) fn is_like(self, other: Self) -> bool {
+        self.compressed == other.compressed
+    }
+
+    /// [`Isa::sorted8_of`] of nodes of trees of one layout; spans are of `t_min` and `t_max`.
     ///
     /// # Safety
-    /// The reference must be that of an inner node of the tree.
+    /// The references must be those of inner nodes of the trees.
     #[inline(always)]
-    pub(crate) unsafe fn sorted8<I: Isa>(
-        self,
+    pub(crate) unsafe fn sorted8_of<I: Isa, const N: usize>(
         isa: I,
-        node: Reference,
-        ray: &SlabRay,
-        span: &Span,
-        keys: &mut [u32; 8],
-        found: &mut [u32; 8],
-    ) -> (usize, u32) {
-        let (t_min, t_max) = (span.t_min, span.t_max);
+        trees: [Self; N],
+        nodes: [Reference; N],
+        rays: [&SlabRay; N],
+        spans: [[f32; 2]; N],
+        keys: [&mut [u32; 8]; N],
+        found: [&mut [u32; 8]; N],
+    ) -> [usize; N] {
         // SAFETY: the caller's promise.
         unsafe {
-            if self.compressed {
-                isa.quantized_sorted8(self.quantized(node), ray, t_min, t_max, keys, found)
+            if trees[0].compressed {
+                let mut all = [trees[0].quantized(nodes[0]); N];
+                let mut i = 1;
+                while i < N {
+                    all[i] = trees[i].quantized(nodes[i]);
+                    i += 1;
+                }
+                isa.quantized_sorted8_of(all, rays, spans, keys, found)
             } else {
-                let node = self.wide(node);
-                let children = (&node.boxes, node.child_words());
-                isa.sorted8(children, ray, t_min, t_max, keys, found)
+                let first = trees[0].wide(nodes[0]);
+                let mut all = [(&first.boxes, first.child_words()); N];
+                let mut i = 1;
+                while i < N {
+                    let node = trees[i].wide(nodes[i]);
+                    all[i] = (&node.boxes, node.child_words());
+                    i += 1;
+                }
+                isa.sorted8_of(all, rays, spans, keys, found)
             }
         }
     }
@@ -208,6 +225,19 @@ impl TreeView {
                 let node = self.wide(node);
                 isa.met8((&node.boxes, node.child_words()), ray, t_min, t_max, others)
             }
+        }
+    }
+
+    /// The block of a leaf of a BLAS, if the tree is a wide one.
+    ///
+    /// # Safety
+    /// As for [`TreeView::leaf`].
+    #[inline(always)]
+    pub(crate) unsafe fn block<'a>(self, value: u32) -> Option<&'a Triangles4> {
+        // SAFETY: the caller's promise.
+        match unsafe { self.leaf(value) } {
+            Leaf::Block(block) => Some(block),
+            Leaf::Rows(_) => None,
         }
     }
 
@@ -280,12 +310,12 @@ impl<'a> Leaf<'a> {
         }
     }
 
-    /// The corners of the triangle in a lane.
+    /// The corners of the triangle in a lane, their coordinates in the order of the ray's axes.
     #[inline(always)]
-    pub(crate) fn corners(self, lane: usize) -> [[f32; 3]; 3] {
+    pub(crate) fn corners_along(self, lane: usize, ray: &ShearRay) -> [[f32; 3]; 3] {
         match self {
-            Self::Block(block) => corners(block, lane),
-            Self::Rows(rows) => rows.corners(lane),
+            Self::Block(block) => corners_along(block, lane, ray),
+            Self::Rows(rows) => along(&rows.corners(lane), ray),
         }
     }
 

@@ -1,6 +1,6 @@
 //! The nearest hit; at equal distance the one of smallest indices.
 
-use std::ops::ControlFlow;
+use std::{hint::select_unpredictable, ops::ControlFlow};
 
 use rayburst_math::{Hit, HitKind, Ray};
 
@@ -87,7 +87,7 @@ impl Query for Closest {
 impl OneHit for Closest {
     #[inline(always)]
     fn put_off(&mut self, hit: bool, pending: Pending) -> ControlFlow<()> {
-        self.pending = if hit { pending } else { self.pending };
+        self.pending = select_unpredictable(hit, pending, self.pending);
         ControlFlow::Continue(())
     }
 

@@ -11,7 +11,7 @@
 //! Rays that are done hand in their answer and make place for the next of the batch. Instances are
 //! entered in a leaf of the top level and left at a marker on the stack.
 
-use std::{cell::Cell, marker::PhantomData, ops::ControlFlow};
+use std::{cell::Cell, hint::select_unpredictable, marker::PhantomData, ops::ControlFlow};
 
 use bytemuck::Zeroable;
 use rayburst_math::Ray;
@@ -22,16 +22,23 @@ use super::{
     bits::take_bit,
     count::Count,
     prepare::{PreparedRay, Span},
-    query::{Asker, OneHit, Place, Query, test_leaf},
+    query::{Asker, OneHit, Place, Query, is_plain, take_plain, test_leaf},
 };
 use crate::{
     CandidateFilter, TraceOptions,
-    layout::{arena::Line, bvh8::Reference, view::TreeView},
+    layout::{
+        arena::Line,
+        bvh8::Reference,
+        view::{Leaf, TreeView},
+    },
     structure::{Structure, Tracer},
 };
 
 /// Rays in flight: 10 to 32 are alike.
 const IN_FLIGHT: usize = 24;
+
+/// Rays that take a step together.
+const GROUP: usize = 4;
 
 /// Entries below a stack's bottom that are never taken, so that eight can always be looked at.
 const GUARD: usize = 8;
@@ -138,6 +145,18 @@ impl Sets {
     }
 }
 
+/// Takes the lowest slots out of a set of at least as many.
+#[inline(always)]
+fn take_group(set: &mut u32) -> [u32; GROUP] {
+    let mut slots = [0; GROUP];
+    let mut i = 0;
+    while i < GROUP {
+        slots[i] = take_bit(set);
+        i += 1;
+    }
+    slots
+}
+
 /// Traces the rays of a batch with these indices.
 #[inline(always)]
 pub(crate) fn trace<'a, I: Isa, S: Structure, F: CandidateFilter, C: Count, A: Answers>(
@@ -170,26 +189,57 @@ pub(crate) fn trace<'a, I: Isa, S: Structure, F: CandidateFilter, C: Count, A: A
     loop {
         // Rays that are done make place for others: a round has about as many all the time.
         let others = if C::ACTIVE { sets.len().saturating_sub(1) } else { 0 };
-        let mut inner = std::mem::take(&mut sets.inner);
-        while inner != 0 {
-            // SAFETY: flights in sets were started, and each is in one set only.
-            unsafe {
-                let slot = take_bit(&mut inner);
-                (*pilot.flight::<A::Query, C>(slot)).count.beside(others);
-                pilot.node::<A::Query, C>(slot, &mut sets);
+        // Rays that are left of groups wait for others, unless none moves otherwise.
+        let mut moved = false;
+        let (mut inner, mut single) = (std::mem::take(&mut sets.inner), 0);
+        if A::Query::ORDERED {
+            while inner.count_ones() as usize >= GROUP {
+                let slots = take_group(&mut inner);
+                // SAFETY: flights in sets were started, and each is in one set only.
+                unsafe {
+                    if pilot.are_alike::<A::Query, C>(slots) {
+                        pilot.nodes::<GROUP, A::Query, C>(slots, others, &mut sets);
+                        moved = true;
+                    } else {
+                        single |= slots.iter().fold(0, |set, slot| set | 1 << slot);
+                    }
+                }
             }
         }
-        let mut leaf = std::mem::take(&mut sets.leaf);
-        while leaf != 0 {
+        if !A::Query::ORDERED || !(moved || sets.leaf.count_ones() as usize >= GROUP) {
+            single |= std::mem::take(&mut inner);
+        }
+        while single != 0 {
+            let slot = take_bit(&mut single);
             // SAFETY: as above.
             unsafe {
-                let slot = take_bit(&mut leaf);
-                let flight = &mut *pilot.flight::<A::Query, C>(slot);
-                // Instances are among leaves, and no visits.
-                flight.count.beside(if flight.place.is_some() { others } else { 0 });
-                pilot.leaf::<A::Query, C>(slot, &mut sets);
+                if A::Query::ORDERED {
+                    pilot.nodes::<1, A::Query, C>([slot], others, &mut sets);
+                } else {
+                    pilot.any_node::<A::Query, C>(slot, others, &mut sets);
+                }
+            }
+            moved = true;
+        }
+        sets.inner |= inner;
+        let mut leaf = std::mem::take(&mut sets.leaf);
+        while leaf.count_ones() as usize >= GROUP {
+            let slots = take_group(&mut leaf);
+            // SAFETY: as above.
+            if unsafe { pilot.leaves::<A::Query, C>(slots, others, &mut sets) } {
+                moved = true;
+            } else {
+                single |= slots.iter().fold(0, |set, slot| set | 1 << slot);
             }
         }
+        if !moved {
+            single |= std::mem::take(&mut leaf);
+        }
+        while single != 0 {
+            // SAFETY: as above.
+            unsafe { pilot.leaf::<A::Query, C>(take_bit(&mut single), others, &mut sets) };
+        }
+        sets.leaf |= leaf;
         let mut done = std::mem::take(&mut sets.done);
         while done != 0 {
             let slot = take_bit(&mut done);
@@ -293,47 +343,116 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
         }
     }
 
-    /// Visits a node.
+    /// Visits a node, whatever it is that its ray meets first.
     ///
     /// # Safety
     /// `slot` must hold a flight that was started and is in no set.
     #[inline(always)]
-    unsafe fn node<Q: OneHit, C: Count>(&self, slot: u32, sets: &mut Sets) {
+    unsafe fn any_node<Q: OneHit, C: Count>(&self, slot: u32, others: u32, sets: &mut Sets) {
         // SAFETY: the caller's promise; only nodes are in the set of inner references. The stack
         // has room for a node's children on every level, and eight entries above and below.
         unsafe {
             let flight = self.flight::<Q, C>(slot);
             let f = &mut *flight;
+            f.count.beside(others);
             f.count.node();
             let tree = if S::TWO_LEVEL { f.tree } else { self.tree };
             let top = f.top as usize;
-            let keys = keys(flight);
-            let references = keys.add(self.entries);
-            let t_max = f.span.t_max;
+            let references = keys(flight).add(self.entries);
             let found = &mut *references.add(top).cast::<[u32; 8]>();
-            let (place, next);
-            if Q::ORDERED {
-                let sorted = &mut *keys.add(top).cast::<[u32; 8]>();
-                let below = &*keys.add(top - 8).cast::<[u32; 8]>();
-                let live = self.isa.last_within8(below, limit(t_max));
-                let mut popped = top - 9 + live;
-                let (count, nearest) =
-                    tree.sorted8(self.isa, f.current, &f.ray.slab, &f.span, sorted, found);
-                if (live == 0) & (count == 0) {
-                    popped = self.pop(keys, top - 8, t_max);
+            let (count, first) = tree.met8(self.isa, f.current, &f.ray.slab, &f.span, found);
+            let waiting = *references.add(top - 1).cast::<Reference>();
+            let child = tree.child(f.current, first);
+            let next = select_unpredictable(count != 0, child, waiting);
+            self.advance::<Q, C>(slot, tree, (top + count).wrapping_sub(1), next, sets);
+        }
+    }
+
+    /// Whether flights are in trees of the same layout.
+    ///
+    /// # Safety
+    /// As for [`Pilot::any_node`].
+    #[inline(always)]
+    unsafe fn are_alike<Q, C>(&self, slots: [u32; GROUP]) -> bool {
+        let mut alike = true;
+        if S::TWO_LEVEL {
+            // SAFETY: the caller's promise.
+            unsafe {
+                let first = (*self.flight::<Q, C>(slots[0])).tree;
+                for slot in slots {
+                    alike &= first.is_like((*self.flight::<Q, C>(slot)).tree);
                 }
-                place = if count != 0 { top + count - 1 } else { popped };
-                let waiting = *references.add(popped).cast::<Reference>();
-                let child = tree.child(f.current, nearest);
-                next = if count != 0 { child } else { waiting };
-            } else {
-                let (count, first) = tree.met8(self.isa, f.current, &f.ray.slab, &f.span, found);
-                place = top.wrapping_add(count).wrapping_sub(1);
-                let waiting = *references.add(top - 1).cast::<Reference>();
-                let child = tree.child(f.current, first);
-                next = if count != 0 { child } else { waiting };
             }
-            self.advance::<Q, C>(slot, tree, place, next, sets);
+        }
+        alike
+    }
+
+    /// Visits a node for each of some flights, the nearest children first, stage by stage.
+    ///
+    /// A choice that depends on the ray is never a branch: each would be wrong for one node in seven,
+    /// and undo what is in flight. The compiler makes one of two loads to choose from; so there is
+    /// one, from the place that is chosen.
+    ///
+    /// # Safety
+    /// As for [`Pilot::any_node`]; trees are of one layout.
+    #[inline(always)]
+    unsafe fn nodes<const N: usize, Q: OneHit, C: Count>(
+        &self,
+        slots: [u32; N],
+        others: u32,
+        sets: &mut Sets,
+    ) {
+        // SAFETY: as in `any_node`.
+        unsafe {
+            let first = self.flight::<Q, C>(slots[0]);
+            let (mut flights, mut trees) = ([first; N], [self.tree; N]);
+            let (mut current, mut tops) = ([DONE; N], [0; N]);
+            let mut above: [[*mut [u32; 8]; N]; 2] = [[std::ptr::null_mut(); N]; 2];
+            let (mut rays, mut spans) = ([&(*first).ray.slab; N], [[0.0; 2]; N]);
+            let mut i = 0;
+            while i < N {
+                flights[i] = self.flight::<Q, C>(slots[i]);
+                (*flights[i]).count.beside(others);
+                (*flights[i]).count.node();
+                let f = &*flights[i];
+                if S::TWO_LEVEL {
+                    trees[i] = f.tree;
+                }
+                (current[i], tops[i]) = (f.current, f.top as usize);
+                (rays[i], spans[i]) = (&f.ray.slab, [f.span.t_min, f.span.t_max]);
+                above[0][i] = keys(flights[i]).add(tops[i]).cast();
+                above[1][i] = keys(flights[i]).add(self.entries + tops[i]).cast();
+                i += 1;
+            }
+            // Each stack is of one flight.
+            let [sorted, found] = [above[0].map(|keys| &mut *keys), above[1].map(|all| &mut *all)];
+            let counts = TreeView::sorted8_of(self.isa, trees, current, rays, spans, sorted, found);
+            let (mut places, mut none) = ([0; N], false);
+            let mut i = 0;
+            while i < N {
+                let below = &*keys(flights[i]).add(tops[i] - 8).cast::<[u32; 8]>();
+                let live = self.isa.last_within8(below, limit(spans[i][1]));
+                let (met, waiting) = (tops[i] + counts[i] - 1, tops[i] - 9 + live);
+                places[i] = select_unpredictable(counts[i] != 0, met, waiting);
+                none |= live | counts[i] == 0;
+                i += 1;
+            }
+            if none {
+                let mut i = 0;
+                while i < N {
+                    if places[i] == tops[i] - 9 {
+                        places[i] = self.pop(keys(flights[i]), tops[i] - 8, spans[i][1]);
+                    }
+                    i += 1;
+                }
+            }
+            let mut i = 0;
+            while i < N {
+                let references = keys(flights[i]).add(self.entries);
+                let next = *references.add(places[i]).cast::<Reference>();
+                self.advance::<Q, C>(slots[i], trees[i], places[i], next, sets);
+                i += 1;
+            }
         }
     }
 
@@ -357,7 +476,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
     /// Goes to `next`, with the stack's top at `place`.
     ///
     /// # Safety
-    /// As for [`Pilot::node`].
+    /// As for [`Pilot::any_node`].
     #[inline(always)]
     unsafe fn advance<Q: OneHit, C: Count>(
         &self,
@@ -380,18 +499,20 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
     /// Visits a leaf, or an instance.
     ///
     /// # Safety
-    /// As for [`Pilot::node`].
+    /// As for [`Pilot::any_node`].
     #[inline(always)]
-    unsafe fn leaf<Q: OneHit, C: Count>(&self, slot: u32, sets: &mut Sets) {
+    unsafe fn leaf<Q: OneHit, C: Count>(&self, slot: u32, others: u32, sets: &mut Sets) {
         // SAFETY: the caller's promise.
         unsafe {
             let flight = self.flight::<Q, C>(slot);
             let f = &mut *flight;
             let value = f.current.value();
             let Some(place) = &f.place else {
+                // Instances are among leaves, and no visits.
                 self.enter::<Q, C>(slot, value, sets);
                 return;
             };
+            f.count.beside(others);
             let ray = self.rays.get_unchecked(f.index as usize);
             let asker = Asker { filter: self.filter, ray, index: f.index };
             let ended = test_leaf(
@@ -418,10 +539,96 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
         }
     }
 
+    /// Visits a leaf for each of some flights; does nothing and says so if one is not of the usual
+    /// kind.
+    ///
+    /// # Safety
+    /// As for [`Pilot::any_node`].
+    #[inline(always)]
+    unsafe fn leaves<Q: OneHit, C: Count>(
+        &self,
+        slots: [u32; GROUP],
+        others: u32,
+        sets: &mut Sets,
+    ) -> bool {
+        // SAFETY: the caller's promise.
+        unsafe {
+            let first = self.flight::<Q, C>(slots[0]);
+            let Some(place) = &(*first).place else { return false };
+            let tree = if S::TWO_LEVEL { (*first).tree } else { self.tree };
+            let Some(block) = tree.block((*first).current.value()) else { return false };
+            let mut flights = [first; GROUP];
+            let (mut blocks, mut places) = ([block; GROUP], [place; GROUP]);
+            let mut rays = [&(*first).ray.shear; GROUP];
+            let (mut spans, mut keep) = ([[0.0; 2]; GROUP], [place.keep; GROUP]);
+            let mut i = 0;
+            while i < GROUP {
+                flights[i] = self.flight::<Q, C>(slots[i]);
+                let f = &*flights[i];
+                let mut tree = tree;
+                if S::TWO_LEVEL {
+                    let Some(place) = &f.place else { return false };
+                    (places[i], keep[i], tree) = (place, place.keep, f.tree);
+                }
+                let Some(block) = tree.block(f.current.value()) else { return false };
+                (blocks[i], rays[i]) = (block, &f.ray.shear);
+                spans[i] = [f.span.t_min, f.span.t_max];
+                i += 1;
+            }
+            let nearest = self.isa.nearest4_of4(blocks, rays, spans, keep);
+            let mut plain = true;
+            let mut i = 0;
+            while i < GROUP {
+                let (f, leaf) = (&*flights[i], Leaf::Block(blocks[i]));
+                plain &= is_plain::<F>(&nearest[i], places[i], &f.ray, leaf, &f.span);
+                i += 1;
+            }
+            if !plain {
+                return false;
+            }
+            let (mut tops, mut none) = ([0; GROUP], false);
+            let mut i = 0;
+            while i < GROUP {
+                let f = &mut *flights[i];
+                f.count.beside(others);
+                f.count.leaf(Leaf::Block(blocks[i]));
+                let value = f.current.value();
+                let taken = take_plain(&nearest[i], value, &mut f.span, &mut f.query);
+                let top = f.top as usize;
+                if Q::ORDERED {
+                    let below = &*keys(flights[i]).add(top - 8).cast::<[u32; 8]>();
+                    let live = self.isa.last_within8(below, limit(f.span.t_max));
+                    none |= live == 0;
+                    tops[i] = top - 9 + live;
+                } else {
+                    tops[i] = select_unpredictable(taken.is_break(), BOTTOM - 1, top - 1);
+                }
+                i += 1;
+            }
+            if none {
+                let mut i = 0;
+                while i < GROUP {
+                    let f = &*flights[i];
+                    tops[i] = self.pop(keys(flights[i]), f.top as usize, f.span.t_max);
+                    i += 1;
+                }
+            }
+            let mut i = 0;
+            while i < GROUP {
+                let tree = if S::TWO_LEVEL { (*flights[i]).tree } else { self.tree };
+                let references = keys(flights[i]).add(self.entries);
+                let next = *references.add(tops[i]).cast::<Reference>();
+                self.advance::<Q, C>(slots[i], tree, tops[i], next, sets);
+                i += 1;
+            }
+            true
+        }
+    }
+
     /// Goes into an instance, if its mask and its bounds allow.
     ///
     /// # Safety
-    /// As for [`Pilot::node`].
+    /// As for [`Pilot::any_node`].
     #[inline(always)]
     unsafe fn enter<Q: OneHit, C: Count>(&self, slot: u32, instance: u32, sets: &mut Sets) {
         // SAFETY: the caller's promise; the stack has room for the marker.
@@ -451,7 +658,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
     /// Comes back from an instance.
     ///
     /// # Safety
-    /// As for [`Pilot::node`].
+    /// As for [`Pilot::any_node`].
     #[inline(always)]
     unsafe fn leave<Q: OneHit, C: Count>(&self, slot: u32, sets: &mut Sets) {
         // SAFETY: the caller's promise.
@@ -472,7 +679,7 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter> Pilot<'a, '_, I, S, F> {
     /// Goes on with what is on the stack.
     ///
     /// # Safety
-    /// As for [`Pilot::node`].
+    /// As for [`Pilot::any_node`].
     #[inline(always)]
     unsafe fn resume<Q: OneHit, C: Count>(&self, slot: u32, sets: &mut Sets) {
         // SAFETY: the caller's promise.

@@ -85,7 +85,7 @@ impl PreparedRay {
 
         let (lower, upper) = (bounds.lower.extend(0.0), bounds.upper.extend(0.0));
         let reach = (lower - origin).abs().max((upper - origin).abs());
-        let reach_z = Vec4::splat(reach.to_array()[shear.axes()[2]]);
+        let reach_z = Vec4::splat(reach.to_array()[shear.axes()[2] & 3]);
         let error =
             8.0 * EPSILON * (reach + reach_z) + 4.0 * EPSILON * origin.abs() + Vec4::splat(slack);
         let size = direction.abs().max(Vec4::splat(SMALLEST_COMPONENT));

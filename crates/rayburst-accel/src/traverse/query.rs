@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use rayburst_math::{Hit, HitKind, Ray};
-use rayburst_simd::{Isa, TriangleHits, barycentric};
+use rayburst_simd::{Isa, Nearest, TriangleHits, barycentric};
 
 use super::{
     count::Count,
@@ -173,16 +173,40 @@ pub(crate) fn test_leaf<I: Isa, Q: OneHit, F: CandidateFilter, C: Count>(
     let leaf = unsafe { place.blas.tree.view().leaf(value) };
     count.leaf(leaf);
     let nearest = leaf.nearest4(isa, &ray.shear, span, place.keep);
+    if is_plain::<F>(&nearest, place, ray, leaf, span) {
+        take_plain(&nearest, value, span, query)
+    } else {
+        query.settle(place, ray, span);
+        test_each(isa, place, ray, leaf, asker, span, query)
+    }
+}
+
+/// Whether there is nothing to decide about what was found in a leaf.
+#[inline(always)]
+pub(crate) fn is_plain<F: CandidateFilter>(
+    nearest: &Nearest,
+    place: &Place<'_>,
+    ray: &PreparedRay,
+    leaf: Leaf<'_>,
+    span: &Span,
+) -> bool {
     let mut plain = !nearest.doubtful & (nearest.t != span.t_max);
     // Distances that the ray's units cannot express exactly.
     plain &= nearest.t.abs() >= ray.smallest();
     if F::ACTIVE {
         plain &= nearest.mask & place.translucent(leaf) == 0;
     }
-    if !plain {
-        query.settle(place, ray, span);
-        return test_each(isa, place, ray, leaf, asker, span, query);
-    }
+    plain
+}
+
+/// Takes what was found in the leaf of that value, if it is plain.
+#[inline(always)]
+pub(crate) fn take_plain<Q: OneHit>(
+    nearest: &Nearest,
+    value: u32,
+    span: &mut Span,
+    query: &mut Q,
+) -> ControlFlow<()> {
     let hit = nearest.mask != 0;
     if Q::ORDERED {
         // Infinite without a hit, nearer with one: a minimum instead of a branch.
@@ -209,7 +233,7 @@ pub(crate) fn settle_candidate(
     let (value, lane) = ((pending.0 >> 2) as u32, pending.0 as usize % 4);
     // SAFETY: the value is one that `test_leaf` had.
     let leaf = unsafe { place.blas.tree.view().leaf(value) };
-    let (u, v, counter_clockwise) = barycentric(&leaf.corners(lane), &ray.shear);
+    let (u, v, counter_clockwise) = barycentric(&leaf.corners_along(lane, &ray.shear), &ray.shear);
     Candidate {
         t: ray.external(t),
         u,
