@@ -74,7 +74,7 @@ impl ShearRay {
         let [dx, dy, dz] = *direction;
         let signs = [dx.to_bits() >> 31, dy.to_bits() >> 31, dz.to_bits() >> 31, 0];
         let backwards = signs[longest & 3] as usize;
-        let [i, j, k, _] = ROWS[longest | backwards << 2];
+        let [i, j, k, _] = ROWS[(longest | backwards << 2) % 8];
         let (origin, direction) = (pad(origin), pad(direction));
         let pick = |v: &[f32; 4], row: u32| v[(row / ROW_BYTES) as usize & 3];
         let rows = [i, j, k];
@@ -228,7 +228,7 @@ pub fn barycentric(corners: &[[f32; 3]; 3], ray: &ShearRay) -> (f32, f32, bool) 
     let greatest = |x: f32, y: f32| if x > y { x } else { y };
     let signs = least(least(u, v), w) * greatest(greatest(u, v), w);
     let size = det.abs();
-    if (signs == 0.0) | (size < SMALL) | (size > LARGE) {
+    if signs == 0.0 || !(SMALL..=LARGE).contains(&size) {
         let mut hits = TriangleHits::NONE;
         decide_exactly(corners, ray, 0, f32::NEG_INFINITY, f32::INFINITY, &mut hits);
         return (hits.u[0], hits.v[0], hits.front & 1 != 0);

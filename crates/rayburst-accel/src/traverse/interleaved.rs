@@ -7,6 +7,7 @@
 //! children that are met to the stack, sorted, finds the topmost stack entry that is still near
 //! enough, takes the nearest child or else that entry, asks for its memory, and puts the ray into the
 //! set where that belongs. The request has a whole round to arrive.
+//! Four rays at a time, stage by stage, so that no ray's chain of steps fills the CPU's window alone.
 //!
 //! Rays that are done hand in their answer and make place for the next of the batch. Instances are
 //! entered in a leaf of the top level and left at a marker on the stack.
