@@ -65,23 +65,22 @@ pub(crate) fn trace<'a, I: Isa, S: Structure, F: CandidateFilter, C: Count, A: A
     OTHERS.set(others);
 }
 
-/// Whether most of a few rays of a part go about the same way: a bundle bears some that do not.
+/// Whether a few rays of a part go about the same way.
 #[inline(always)]
 fn is_coherent(part: &[Ray]) -> bool {
     let [first, .., last] = part else {
         return false;
     };
-    let samples = [last, &part[part.len() / 3], &part[part.len() * 2 / 3]];
     let leads = first.direction;
-    let mut alike = 0;
-    // Not a closure: called more than once, it would be compiled for the baseline.
-    for ray in samples {
+    let alike = |ray: &Ray| {
         let (d, cosine) = (ray.direction, leads.dot(ray.direction));
         // Within 37°.
-        let least = 0.64 * leads.length_squared() * d.length_squared();
-        alike += u32::from((cosine > 0.0) & (cosine * cosine > least));
-    }
-    part.len() >= BUNDLE / 2 && alike >= 2
+        cosine > 0.0 && cosine * cosine > 0.64 * leads.length_squared() * d.length_squared()
+    };
+    part.len() >= BUNDLE / 2
+        && alike(last)
+        && alike(&part[part.len() / 3])
+        && alike(&part[part.len() * 2 / 3])
 }
 
 /// Whether bundles paid lately: after failures they are tried now and then only.
