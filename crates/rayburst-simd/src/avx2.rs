@@ -3,12 +3,11 @@
 use std::arch::x86_64::*;
 
 use crate::{
-    Boxes8, Isa, Kernel, Nearest, QuantizedNode8, ShearRay, SlabRay, TriangleHits, TriangleRows,
-    Triangles4,
+    Isa, Kernel, SlabRay,
     isa::SLOT,
-    x86::{self, EightBoxes, Node},
+    x86::{EightBoxes, Node, box_and_triangle_methods, sort_descending, store_children},
     x86_group::group_methods,
-    x86_lanes::{self, F8},
+    x86_lanes::F8,
 };
 
 /// Proof that the CPU has AVX2, FMA, BMI1, BMI2, F16C, LZCNT and POPCNT.
@@ -42,191 +41,8 @@ impl Isa for Avx2 {
         unsafe { region(self, kernel) }
     }
 
-    #[inline(always)]
-    fn slab8(
-        self,
-        boxes: &Boxes8,
-        ray: &SlabRay,
-        t_min: f32,
-        t_max: f32,
-        distances: &mut [f32; 8],
-    ) -> u32 {
-        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { slab8(boxes, ray, t_min, t_max, distances) }
-    }
-
-    #[inline(always)]
-    fn sorted8(
-        self,
-        node: (&Boxes8, &[u32; 8]),
-        ray: &SlabRay,
-        span: [f32; 2],
-        keys: &mut [u32; 8],
-        found: &mut [u32; 8],
-    ) -> usize {
-        let [count] = self.sorted8_of([node], [ray], [span], [keys], [found]);
-        count
-    }
-
-    #[inline(always)]
-    fn sorted8_of<const N: usize>(
-        self,
-        nodes: [(&Boxes8, &[u32; 8]); N],
-        rays: [&SlabRay; N],
-        spans: [[f32; 2]; N],
-        keys: [&mut [u32; 8]; N],
-        found: [&mut [u32; 8]; N],
-    ) -> [usize; N] {
-        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { sorted8_of(nodes, rays, spans, keys, found) }
-    }
-
-    #[inline(always)]
-    fn met8(
-        self,
-        node: (&Boxes8, &[u32; 8]),
-        ray: &SlabRay,
-        t_min: f32,
-        t_max: f32,
-        found: &mut [u32; 8],
-    ) -> (usize, u32) {
-        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { met8(node, ray, t_min, t_max, found) }
-    }
-
-    #[inline(always)]
-    fn quantized_slab8(
-        self,
-        node: &QuantizedNode8,
-        ray: &SlabRay,
-        t_min: f32,
-        t_max: f32,
-        distances: &mut [f32; 8],
-    ) -> u32 {
-        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { slab8(node, ray, t_min, t_max, distances) }
-    }
-
-    #[inline(always)]
-    fn quantized_sorted8_of<const N: usize>(
-        self,
-        nodes: [&QuantizedNode8; N],
-        rays: [&SlabRay; N],
-        spans: [[f32; 2]; N],
-        keys: [&mut [u32; 8]; N],
-        found: [&mut [u32; 8]; N],
-    ) -> [usize; N] {
-        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { sorted8_of(nodes, rays, spans, keys, found) }
-    }
-
-    #[inline(always)]
-    fn quantized_met8(
-        self,
-        node: &QuantizedNode8,
-        ray: &SlabRay,
-        t_min: f32,
-        t_max: f32,
-        found: &mut [u32; 8],
-    ) -> (usize, u32) {
-        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { met8(node, ray, t_min, t_max, found) }
-    }
-
-    #[inline(always)]
-    fn last_within8(self, keys: &[u32; 8], limit: u32) -> usize {
-        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { last_within8(keys, limit) }
-    }
-
-    #[inline(always)]
-    fn triangles4(
-        self,
-        block: &Triangles4,
-        ray: &ShearRay,
-        t_min: f32,
-        t_max: f32,
-        hits: &mut TriangleHits,
-    ) -> u32 {
-        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { x86::triangles4(block, ray, t_min, t_max, hits) }
-    }
-
-    #[inline(always)]
-    fn nearest4(
-        self,
-        block: &Triangles4,
-        ray: &ShearRay,
-        t_min: f32,
-        t_max: f32,
-        keep: [u32; 2],
-    ) -> Nearest {
-        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { x86::nearest4(block, ray, t_min, t_max, keep) }
-    }
-
-    #[inline(always)]
-    fn nearest4_of4(
-        self,
-        blocks: [&Triangles4; 4],
-        rays: [&ShearRay; 4],
-        spans: [[f32; 2]; 4],
-        keep: [[u32; 2]; 4],
-    ) -> [Nearest; 4] {
-        let mut all = [Nearest::NONE; 4];
-        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe {
-            x86_lanes::nearest_of_quads::<F8>(0, &blocks, &rays, &spans, &keep, &mut all);
-            x86_lanes::nearest_of_quads::<F8>(2, &blocks, &rays, &spans, &keep, &mut all);
-        }
-        all
-    }
-
-    #[inline(always)]
-    fn expand8(self, node: &QuantizedNode8) -> (Boxes8, [u32; 8]) {
-        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { x86::expand8(node) }
-    }
-
-    #[inline(always)]
-    fn expand4(self, rows: TriangleRows<'_>, unused: u32) -> Triangles4 {
-        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { x86::expand4(rows, unused) }
-    }
-
-    #[inline(always)]
-    fn rows_triangles4(
-        self,
-        rows: TriangleRows<'_>,
-        ray: &ShearRay,
-        t_min: f32,
-        t_max: f32,
-        hits: &mut TriangleHits,
-    ) -> u32 {
-        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { x86::triangles4(rows, ray, t_min, t_max, hits) }
-    }
-
-    #[inline(always)]
-    fn rows_nearest4(
-        self,
-        rows: TriangleRows<'_>,
-        ray: &ShearRay,
-        t_min: f32,
-        t_max: f32,
-        keep: [u32; 2],
-    ) -> Nearest {
-        // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
-        unsafe { x86::nearest4(rows, ray, t_min, t_max, keep) }
-    }
-
+    box_and_triangle_methods!(F8);
     group_methods!(F8);
-
-    #[inline(always)]
-    fn prefetch<T>(self, address: *const T) {
-        // SAFETY: a prefetch neither faults nor changes memory, whatever the address.
-        unsafe { _mm_prefetch::<_MM_HINT_T0>(address.cast()) }
-    }
 }
 
 /// # Safety
@@ -284,26 +100,10 @@ unsafe fn set_lanes(mask: u32) -> __m256i {
     }
 }
 
-/// Exchanges the lanes of each vector as said, and keeps the greater but in the lanes of `$lesser`.
-macro_rules! stage {
-    ($all:ident, |$keys:ident| $shuffled:expr, $lesser:literal) => {
-        let mut i = 0;
-        while i < $all.len() {
-            let $keys = $all[i];
-            let other = $shuffled;
-            $all[i] = _mm256_blend_epi32::<$lesser>(
-                _mm256_max_epu32($keys, other),
-                _mm256_min_epu32($keys, other),
-            );
-            i += 1;
-        }
-    };
-}
-
 /// # Safety
 /// The CPU must have what [`Avx2`] proves.
 #[inline(always)]
-unsafe fn sorted8_of<const N: usize, B: Node>(
+unsafe fn sorted8<const N: usize, B: Node>(
     nodes: [B; N],
     rays: [&SlabRay; N],
     spans: [[f32; 2]; N],
@@ -327,28 +127,11 @@ unsafe fn sorted8_of<const N: usize, B: Node>(
             let met = _mm256_and_si256(all, _mm256_castps_si256(met));
             sorted[i] = _mm256_permutevar8x32_epi32(met, set_lanes(mask));
             counts[i] = mask.count_ones() as usize;
-            most |= counts[i] + 3;
+            most = most.max(counts[i]);
             i += 1;
         }
-        // Bitonic sorting networks (Batcher 1968), greatest first: both halves, then all.
-        stage!(sorted, |keys| _mm256_shuffle_epi32::<0b10_11_00_01>(keys), 0b1010_1010);
-        stage!(sorted, |keys| _mm256_shuffle_epi32::<0b00_01_10_11>(keys), 0b1100_1100);
-        stage!(sorted, |keys| _mm256_shuffle_epi32::<0b10_11_00_01>(keys), 0b1010_1010);
-        // Some count is greater than four.
-        if most >= 8 {
-            let reverse = _mm256_setr_epi32(7, 6, 5, 4, 3, 2, 1, 0);
-            stage!(sorted, |keys| _mm256_permutevar8x32_epi32(keys, reverse), 0b1111_0000);
-            stage!(sorted, |keys| _mm256_shuffle_epi32::<0b01_00_11_10>(keys), 0b1100_1100);
-            stage!(sorted, |keys| _mm256_shuffle_epi32::<0b10_11_00_01>(keys), 0b1010_1010);
-        }
-        let mut i = 0;
-        while i < N {
-            // The permutation looks at the three bits that hold the slot.
-            let children = _mm256_permutevar8x32_epi32(nodes[i].children(), sorted[i]);
-            _mm256_storeu_si256(keys[i].as_mut_ptr().cast(), sorted[i]);
-            _mm256_storeu_si256(found[i].as_mut_ptr().cast(), children);
-            i += 1;
-        }
+        sort_descending(&mut sorted, most);
+        store_children(nodes, &sorted, keys, found);
         counts
     }
 }

@@ -199,7 +199,7 @@ mod tests {
             let mask = isa.quantized_slab8(node, ray, 0.0, 10.0, &mut [0.0; 8]);
             let (mut keys, mut found) = ([0; 8], [0; 8]);
             let (spans, rays) = ([[0.0, 10.0]], [ray]);
-            let [count] = isa.quantized_sorted8_of([node], rays, spans, [&mut keys], [&mut found]);
+            let [count] = isa.quantized_sorted8([node], rays, spans, [&mut keys], [&mut found]);
             let slots_of =
                 |found: &[u32]| found.iter().fold(0, |mask, word| mask | 1 << (word - node.base));
             let sorted = slots_of(&found[..count]);

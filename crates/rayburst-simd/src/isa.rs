@@ -26,43 +26,16 @@ pub trait Isa: Copy + Send + Sync + std::fmt::Debug + 'static {
         distances: &mut [f32; 8],
     ) -> u32;
 
-    /// The children of a node whose boxes a ray may meet, the farthest first; returns how many.
+    /// For each of some rays the children of its node whose boxes it may meet, the farthest first, and
+    /// how many; stage by stage for all rays, so that what one waits for is hidden behind the others.
+    /// Spans are `t_min` and `t_max`.
     ///
-    /// `keys[i]` holds the bits of the distance at which the ray enters the box of `found[i]`, its
-    /// lowest three bits replaced by the child's slot: bits of numbers that are not negative sort
-    /// like the numbers. What is beyond the returned number is unspecified. Needs `t_min ≥ 0`, which
-    /// may not be −0.
+    /// `keys[ray][i]` holds the bits of the distance at which the ray enters the box of
+    /// `found[ray][i]`, its lowest three bits replaced by the child's slot: bits of numbers that are
+    /// not negative sort like the numbers. What is beyond the returned number is unspecified. Needs
+    /// `t_min ≥ 0`, which may not be −0.
     #[inline(always)]
-    fn sorted8(
-        self,
-        node: (&Boxes8, &[u32; 8]),
-        ray: &SlabRay,
-        [t_min, t_max]: [f32; 2],
-        keys: &mut [u32; 8],
-        found: &mut [u32; 8],
-    ) -> usize {
-        let mut distances = [0.0; 8];
-        let mut mask = self.slab8(node.0, ray, t_min, t_max, &mut distances);
-        let mut count = 0;
-        while mask != 0 {
-            let slot = mask.trailing_zeros() as usize % 8;
-            mask &= mask - 1;
-            let key = (distances[slot].to_bits() & KEY_DISTANCE & !SLOT) | slot as u32;
-            let mut place = count;
-            while place > 0 && keys[place - 1] < key {
-                (keys[place], found[place]) = (keys[place - 1], found[place - 1]);
-                place -= 1;
-            }
-            (keys[place], found[place]) = (key, node.1[slot]);
-            count += 1;
-        }
-        count
-    }
-
-    /// [`Isa::sorted8`] of several rays, each with a node of its own and where its answer goes, stage
-    /// by stage: what one waits for is hidden behind the others.
-    #[inline(always)]
-    fn sorted8_of<const N: usize>(
+    fn sorted8<const N: usize>(
         self,
         nodes: [(&Boxes8, &[u32; 8]); N],
         rays: [&SlabRay; N],
@@ -71,10 +44,23 @@ pub trait Isa: Copy + Send + Sync + std::fmt::Debug + 'static {
         found: [&mut [u32; 8]; N],
     ) -> [usize; N] {
         let mut counts = [0; N];
-        let mut i = 0;
-        while i < N {
-            counts[i] = self.sorted8(nodes[i], rays[i], spans[i], keys[i], found[i]);
-            i += 1;
+        for ray in 0..N {
+            let ([t_min, t_max], count) = (spans[ray], &mut counts[ray]);
+            let (keys, found) = (&mut *keys[ray], &mut *found[ray]);
+            let mut distances = [0.0; 8];
+            let mut mask = self.slab8(nodes[ray].0, rays[ray], t_min, t_max, &mut distances);
+            while mask != 0 {
+                let slot = mask.trailing_zeros() as usize % 8;
+                mask &= mask - 1;
+                let key = (distances[slot].to_bits() & KEY_DISTANCE & !SLOT) | slot as u32;
+                let mut place = *count;
+                while place > 0 && keys[place - 1] < key {
+                    (keys[place], found[place]) = (keys[place - 1], found[place - 1]);
+                    place -= 1;
+                }
+                (keys[place], found[place]) = (key, nodes[ray].1[slot]);
+                *count += 1;
+            }
         }
         counts
     }
@@ -114,9 +100,9 @@ pub trait Isa: Copy + Send + Sync + std::fmt::Debug + 'static {
         self.slab8(&self.expand8(node).0, ray, t_min, t_max, distances)
     }
 
-    /// [`Isa::sorted8_of`] of compressed nodes: boxes that are barely missed may differ.
+    /// [`Isa::sorted8`] of compressed nodes: boxes that are barely missed may differ.
     #[inline(always)]
-    fn quantized_sorted8_of<const N: usize>(
+    fn quantized_sorted8<const N: usize>(
         self,
         nodes: [&QuantizedNode8; N],
         rays: [&SlabRay; N],
@@ -124,14 +110,9 @@ pub trait Isa: Copy + Send + Sync + std::fmt::Debug + 'static {
         keys: [&mut [u32; 8]; N],
         found: [&mut [u32; 8]; N],
     ) -> [usize; N] {
-        let mut counts = [0; N];
-        let mut i = 0;
-        while i < N {
-            let (boxes, children) = self.expand8(nodes[i]);
-            counts[i] = self.sorted8((&boxes, &children), rays[i], spans[i], keys[i], found[i]);
-            i += 1;
-        }
-        counts
+        let nodes = nodes.map(|node| self.expand8(node));
+        let nodes = nodes.each_ref().map(|(boxes, children)| (boxes, children));
+        self.sorted8(nodes, rays, spans, keys, found)
     }
 
     /// [`Isa::met8`] of a compressed node: boxes that are barely missed may differ.

@@ -144,7 +144,7 @@ unsafe fn exchange<L: Lanes4>(a: L::U, shuffled: L::U, greater: L::U) -> L::U {
     unsafe { L::select(greater, L::max_u(a, shuffled), L::min_u(a, shuffled)) }
 }
 
-/// [`crate::Isa::sorted8`].
+/// [`crate::Isa::sorted8`] of one ray.
 ///
 /// # Safety
 /// See [`Lanes4`].
@@ -412,16 +412,25 @@ macro_rules! isa {
             }
 
             #[inline(always)]
-            fn sorted8(
+            fn sorted8<const N: usize>(
                 self,
-                node: (&crate::Boxes8, &[u32; 8]),
-                ray: &crate::SlabRay,
-                span: [f32; 2],
-                keys: &mut [u32; 8],
-                found: &mut [u32; 8],
-            ) -> usize {
-                // SAFETY: `self` exists, so the CPU has the instructions.
-                unsafe { crate::lanes4::sorted8::<Self>(node, ray, span, keys, found) }
+                nodes: [(&crate::Boxes8, &[u32; 8]); N],
+                rays: [&crate::SlabRay; N],
+                spans: [[f32; 2]; N],
+                keys: [&mut [u32; 8]; N],
+                found: [&mut [u32; 8]; N],
+            ) -> [usize; N] {
+                let mut counts = [0; N];
+                let mut i = 0;
+                while i < N {
+                    let (keys, found) = (&mut *keys[i], &mut *found[i]);
+                    // SAFETY: `self` exists, so the CPU has the instructions.
+                    counts[i] = unsafe {
+                        crate::lanes4::sorted8::<Self>(nodes[i], rays[i], spans[i], keys, found)
+                    };
+                    i += 1;
+                }
+                counts
             }
 
             #[inline(always)]

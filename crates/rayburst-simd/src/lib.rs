@@ -30,6 +30,8 @@ mod x86;
 mod x86_group;
 #[cfg(target_arch = "x86_64")]
 mod x86_lanes;
+#[cfg(target_arch = "x86_64")]
+mod x86_quads;
 
 #[cfg(target_arch = "x86_64")]
 pub use avx2::Avx2;

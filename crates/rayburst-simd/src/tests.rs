@@ -291,12 +291,12 @@ impl Kernel for Order<'_> {
         let mask = isa.slab8(self.0, self.1, self.2, self.3, &mut [0.0; 8]);
         let node = (self.0, &children);
         let span = [self.2, self.3];
-        let count = isa.sorted8(node, self.1, span, &mut keys, &mut found);
+        let [count] = isa.sorted8([node], [self.1], [span], [&mut keys], [&mut found]);
         // Beside a ray that starts elsewhere, nothing changes.
         let mut other = [[0; 8]; 4];
         let [a, b, c, d] = &mut other;
         let (nodes, rays, spans) = ([node; 2], [self.1; 2], [[0.5 * self.3, self.3], span]);
-        let [_, again] = isa.sorted8_of(nodes, rays, spans, [a, b], [c, d]);
+        let [_, again] = isa.sorted8(nodes, rays, spans, [a, b], [c, d]);
         assert_eq!((again, &b[..count], &d[..count]), (count, &keys[..count], &found[..count]));
         let (met_count, first) = isa.met8(node, self.1, self.2, self.3, &mut met);
         assert_eq!((count, met_count), (mask.count_ones() as usize, count));

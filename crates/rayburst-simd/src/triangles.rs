@@ -177,17 +177,14 @@ pub fn corners(block: &Triangles4, lane: usize) -> [[f32; 3]; 3] {
 /// The corners of the triangle in one lane, their coordinates in the order of the ray's axes.
 #[inline(always)]
 pub fn corners_along(block: &Triangles4, lane: usize, ray: &ShearRay) -> [[f32; 3]; 3] {
-    let numbers = block.vertices.as_flattened().as_flattened();
-    let number = |corner: usize, k: usize| {
-        let index = 12 * corner + (ray.rows[k] / size_of::<f32>() as u32) as usize + lane % 4;
-        debug_assert!(index < numbers.len());
-        // SAFETY: rows start at 32 bytes at most, which are 8 numbers; 24 + 8 + 3 < 36.
-        unsafe { *numbers.get_unchecked(index) }
-    };
+    // Only what is asked for is loaded: all nine at first would be stored and loaded again.
+    let [i, j, k] = ray.axes();
+    let [a, b, c] = &block.vertices;
+    let lane = lane % 4;
     [
-        [number(0, 0), number(0, 1), number(0, 2)],
-        [number(1, 0), number(1, 1), number(1, 2)],
-        [number(2, 0), number(2, 1), number(2, 2)],
+        [a[i % 3][lane], a[j % 3][lane], a[k % 3][lane]],
+        [b[i % 3][lane], b[j % 3][lane], b[k % 3][lane]],
+        [c[i % 3][lane], c[j % 3][lane], c[k % 3][lane]],
     ]
 }
 

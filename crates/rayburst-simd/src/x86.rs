@@ -172,6 +172,68 @@ unsafe fn intersect(
     }
 }
 
+/// Exchanges the lanes of each vector as said, and keeps the greater but in the lanes of `$lesser`.
+macro_rules! stage {
+    ($all:ident, |$keys:ident| $shuffled:expr, $lesser:literal) => {
+        let mut i = 0;
+        while i < $all.len() {
+            let $keys = $all[i];
+            let other = $shuffled;
+            let (lesser, greater) =
+                (_mm256_min_epu32($keys, other), _mm256_max_epu32($keys, other));
+            $all[i] = _mm256_blend_epi32::<$lesser>(greater, lesser);
+            i += 1;
+        }
+    };
+}
+
+/// Sorts the keys of each vector, greatest first; at most the first `most` are not zero.
+///
+/// Bitonic networks (Batcher, "Sorting networks and their applications", 1968), stage by stage: both
+/// halves, then all.
+///
+/// # Safety
+/// The CPU must have AVX2 and FMA.
+#[inline(always)]
+pub(crate) unsafe fn sort_descending<const N: usize>(all: &mut [__m256i; N], most: usize) {
+    // SAFETY: the caller's promise.
+    unsafe {
+        stage!(all, |keys| _mm256_shuffle_epi32::<0b10_11_00_01>(keys), 0b1010_1010);
+        stage!(all, |keys| _mm256_shuffle_epi32::<0b00_01_10_11>(keys), 0b1100_1100);
+        stage!(all, |keys| _mm256_shuffle_epi32::<0b10_11_00_01>(keys), 0b1010_1010);
+        if most > 4 {
+            let reverse = _mm256_setr_epi32(7, 6, 5, 4, 3, 2, 1, 0);
+            stage!(all, |keys| _mm256_permutevar8x32_epi32(keys, reverse), 0b1111_0000);
+            stage!(all, |keys| _mm256_shuffle_epi32::<0b01_00_11_10>(keys), 0b1100_1100);
+            stage!(all, |keys| _mm256_shuffle_epi32::<0b10_11_00_01>(keys), 0b1010_1010);
+        }
+    }
+}
+
+/// Stores sorted keys, and the children in their order.
+///
+/// # Safety
+/// The CPU must have AVX2 and FMA.
+#[inline(always)]
+pub(crate) unsafe fn store_children<const N: usize, B: Node>(
+    nodes: [B; N],
+    sorted: &[__m256i; N],
+    keys: [&mut [u32; 8]; N],
+    found: [&mut [u32; 8]; N],
+) {
+    // SAFETY: the caller's promise; all arrays have eight lanes, aligned or not.
+    unsafe {
+        let mut i = 0;
+        while i < N {
+            // The permutation looks at the three bits that hold the slot.
+            let children = _mm256_permutevar8x32_epi32(nodes[i].children(), sorted[i]);
+            _mm256_storeu_si256(keys[i].as_mut_ptr().cast(), sorted[i]);
+            _mm256_storeu_si256(found[i].as_mut_ptr().cast(), children);
+            i += 1;
+        }
+    }
+}
+
 /// Up to four triangles, in either form.
 pub(crate) trait FourTriangles: Copy {
     /// A coordinate of a corner in all lanes; `row` is sixteen times the axis.
@@ -440,3 +502,180 @@ pub(crate) unsafe fn expand4(rows: TriangleRows<'_>, unused: u32) -> Triangles4 
         block
     }
 }
+
+/// What tokens do with boxes and triangles as methods. The functions `slab8`, `sorted8`, `met8` and
+/// `last_within8` are those of the module that calls this; triangles are beside each other in `$lanes`.
+macro_rules! box_and_triangle_methods {
+    ($lanes:ty) => {
+        #[inline(always)]
+        fn slab8(
+            self,
+            boxes: &crate::Boxes8,
+            ray: &crate::SlabRay,
+            t_min: f32,
+            t_max: f32,
+            distances: &mut [f32; 8],
+        ) -> u32 {
+            // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+            unsafe { slab8(boxes, ray, t_min, t_max, distances) }
+        }
+
+        #[inline(always)]
+        fn sorted8<const N: usize>(
+            self,
+            nodes: [(&crate::Boxes8, &[u32; 8]); N],
+            rays: [&crate::SlabRay; N],
+            spans: [[f32; 2]; N],
+            keys: [&mut [u32; 8]; N],
+            found: [&mut [u32; 8]; N],
+        ) -> [usize; N] {
+            // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+            unsafe { sorted8(nodes, rays, spans, keys, found) }
+        }
+
+        #[inline(always)]
+        fn met8(
+            self,
+            node: (&crate::Boxes8, &[u32; 8]),
+            ray: &crate::SlabRay,
+            t_min: f32,
+            t_max: f32,
+            found: &mut [u32; 8],
+        ) -> (usize, u32) {
+            // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+            unsafe { met8(node, ray, t_min, t_max, found) }
+        }
+
+        #[inline(always)]
+        fn quantized_slab8(
+            self,
+            node: &crate::QuantizedNode8,
+            ray: &crate::SlabRay,
+            t_min: f32,
+            t_max: f32,
+            distances: &mut [f32; 8],
+        ) -> u32 {
+            // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+            unsafe { slab8(node, ray, t_min, t_max, distances) }
+        }
+
+        #[inline(always)]
+        fn quantized_sorted8<const N: usize>(
+            self,
+            nodes: [&crate::QuantizedNode8; N],
+            rays: [&crate::SlabRay; N],
+            spans: [[f32; 2]; N],
+            keys: [&mut [u32; 8]; N],
+            found: [&mut [u32; 8]; N],
+        ) -> [usize; N] {
+            // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+            unsafe { sorted8(nodes, rays, spans, keys, found) }
+        }
+
+        #[inline(always)]
+        fn quantized_met8(
+            self,
+            node: &crate::QuantizedNode8,
+            ray: &crate::SlabRay,
+            t_min: f32,
+            t_max: f32,
+            found: &mut [u32; 8],
+        ) -> (usize, u32) {
+            // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+            unsafe { met8(node, ray, t_min, t_max, found) }
+        }
+
+        #[inline(always)]
+        fn last_within8(self, keys: &[u32; 8], limit: u32) -> usize {
+            // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+            unsafe { last_within8(keys, limit) }
+        }
+
+        #[inline(always)]
+        fn triangles4(
+            self,
+            block: &crate::Triangles4,
+            ray: &crate::ShearRay,
+            t_min: f32,
+            t_max: f32,
+            hits: &mut crate::TriangleHits,
+        ) -> u32 {
+            // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+            unsafe { crate::x86::triangles4(block, ray, t_min, t_max, hits) }
+        }
+
+        #[inline(always)]
+        fn nearest4(
+            self,
+            block: &crate::Triangles4,
+            ray: &crate::ShearRay,
+            t_min: f32,
+            t_max: f32,
+            keep: [u32; 2],
+        ) -> crate::Nearest {
+            // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+            unsafe { crate::x86::nearest4(block, ray, t_min, t_max, keep) }
+        }
+
+        #[inline(always)]
+        fn nearest4_of4(
+            self,
+            blocks: [&crate::Triangles4; 4],
+            rays: [&crate::ShearRay; 4],
+            spans: [[f32; 2]; 4],
+            keep: [[u32; 2]; 4],
+        ) -> [crate::Nearest; 4] {
+            // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+            unsafe { crate::x86_quads::nearest4_of4::<$lanes>(blocks, rays, spans, keep) }
+        }
+
+        #[inline(always)]
+        fn expand8(self, node: &crate::QuantizedNode8) -> (crate::Boxes8, [u32; 8]) {
+            // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+            unsafe { crate::x86::expand8(node) }
+        }
+
+        #[inline(always)]
+        fn expand4(self, rows: crate::TriangleRows<'_>, unused: u32) -> crate::Triangles4 {
+            // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+            unsafe { crate::x86::expand4(rows, unused) }
+        }
+
+        #[inline(always)]
+        fn rows_triangles4(
+            self,
+            rows: crate::TriangleRows<'_>,
+            ray: &crate::ShearRay,
+            t_min: f32,
+            t_max: f32,
+            hits: &mut crate::TriangleHits,
+        ) -> u32 {
+            // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+            unsafe { crate::x86::triangles4(rows, ray, t_min, t_max, hits) }
+        }
+
+        #[inline(always)]
+        fn rows_nearest4(
+            self,
+            rows: crate::TriangleRows<'_>,
+            ray: &crate::ShearRay,
+            t_min: f32,
+            t_max: f32,
+            keep: [u32; 2],
+        ) -> crate::Nearest {
+            // SAFETY: `self` exists, so `detect` saw every feature of the callee on this CPU.
+            unsafe { crate::x86::nearest4(rows, ray, t_min, t_max, keep) }
+        }
+
+        #[inline(always)]
+        fn prefetch<T>(self, address: *const T) {
+            // SAFETY: a prefetch neither faults nor changes memory, whatever the address.
+            unsafe {
+                std::arch::x86_64::_mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T0 }>(
+                    address.cast(),
+                )
+            }
+        }
+    };
+}
+pub(crate) use box_and_triangle_methods;

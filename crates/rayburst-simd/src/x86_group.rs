@@ -256,6 +256,40 @@ pub(crate) unsafe fn prepare16<L: Lanes>(
     }
 }
 
+/// The edge functions of sheared corners, and what tells whether their signs are mixed: the product
+/// of the least and the greatest.
+///
+/// # Safety
+/// The CPU must have the instructions of the lanes.
+#[inline(always)]
+pub(crate) unsafe fn edges<L: Lanes>(
+    [ax, ay]: [L; 2],
+    [bx, by]: [L; 2],
+    [cx, cy]: [L; 2],
+) -> [L; 4] {
+    // SAFETY: the caller's promise.
+    unsafe {
+        // Rounded term by term: nothing may be fused.
+        let u = cx.mul(by).sub(cy.mul(bx));
+        let v = ax.mul(cy).sub(ay.mul(cx));
+        let w = bx.mul(ay).sub(by.mul(ax));
+        [u, v, w, u.min(v).min(w).mul(u.max(v).max(w))]
+    }
+}
+
+/// Lanes that must be decided exactly unless signs are mixed.
+///
+/// # Safety
+/// The CPU must have the instructions of the lanes.
+#[inline(always)]
+pub(crate) unsafe fn delicate<L: Lanes>(signs: L, det: L) -> u32 {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let size = det.abs();
+        signs.eq(L::splat(0.0)) | size.lt(L::splat(SMALL)) | L::splat(LARGE).lt(size)
+    }
+}
+
 /// [`crate::Isa::triangle16`].
 ///
 /// # Safety
@@ -289,20 +323,14 @@ pub(crate) unsafe fn triangle16<L: Lanes, const NEAREST: bool>(
                 (x, y, z)
             };
             let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (sheared(0), sheared(1), sheared(2));
-            // Rounded term by term: nothing may be fused.
-            let u = cx.mul(by).sub(cy.mul(bx));
-            let v = ax.mul(cy).sub(ay.mul(cx));
-            let w = bx.mul(ay).sub(by.mul(ax));
+            let [u, v, w, signs] = edges([ax, ay], [bx, by], [cx, cy]);
             let zero = L::splat(0.0);
-            let (least, greatest) = (u.min(v).min(w), u.max(v).max(w));
-            let signs = least.mul(greatest);
             let alive = active & !signs.lt(zero);
             if alive == 0 {
                 (0, 0)
             } else {
                 let det = u.add(v).add(w);
-                let size = det.abs();
-                let delicate = signs.eq(zero) | size.lt(L::splat(SMALL)) | L::splat(LARGE).lt(size);
+                let delicate = delicate(signs, det);
                 let scale = row(&group.shear[2]);
                 let (az, bz, cz) = (scale.mul(az), scale.mul(bz), scale.mul(cz));
                 let t = u.mul(az).add(v.mul(bz)).add(w.mul(cz)).div(det);
@@ -372,7 +400,7 @@ macro_rules! group_methods {
         #[inline(always)]
         fn frustum8(
             self,
-            boxes: &Boxes8,
+            boxes: &crate::Boxes8,
             axes: &crate::GroupAxes,
             frustum: &crate::Frustum,
             t_min: f32,
@@ -386,7 +414,7 @@ macro_rules! group_methods {
         #[inline(always)]
         fn box16(
             self,
-            boxes: &Boxes8,
+            boxes: &crate::Boxes8,
             slot: usize,
             axes: &crate::GroupAxes,
             group: &crate::Group16,
@@ -398,7 +426,7 @@ macro_rules! group_methods {
         #[inline(always)]
         fn triangle16<const NEAREST: bool>(
             self,
-            block: &Triangles4,
+            block: &crate::Triangles4,
             lane: usize,
             axes: &crate::GroupAxes,
             group: &mut crate::Group16,

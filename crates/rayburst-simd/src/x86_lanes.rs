@@ -5,11 +5,6 @@
 
 use std::arch::x86_64::*;
 
-use crate::{
-    Nearest, ShearRay, Triangles4,
-    triangles::{LARGE, SMALL},
-};
-
 /// Vectors of numbers, with masks as bits. All are unsafe for one reason: the CPU must have the
 /// instructions.
 pub(crate) trait Lanes: Copy {
@@ -45,15 +40,10 @@ pub(crate) trait Lanes: Copy {
     unsafe fn rows(addresses: [*const f32; 4]) -> Self;
     /// Numbers, each in all lanes of its quad; of four as many as there are quads.
     unsafe fn quads(numbers: [f32; 4]) -> Self;
-    /// One number of each quad in all its lanes.
-    unsafe fn spread<const LANES: i32>(self) -> Self;
+    /// The lanes of each quad, permuted as `_mm_shuffle_ps` numbers them.
+    unsafe fn permute<const LANES: i32>(self) -> Self;
     /// The first number of each quad.
     unsafe fn firsts(self) -> [f32; 4];
-}
-
-/// What [`Lanes::spread`] takes: the permutation of four lanes that repeats one.
-pub(crate) const fn repeated(lane: i32) -> i32 {
-    0b01_01_01_01 * lane
 }
 
 /// # Safety
@@ -151,7 +141,7 @@ impl Lanes for F8 {
             let first = _mm256_set1_ps(numbers[0]);
             Self(_mm256_blend_ps::<0b1111_0000>(first, _mm256_set1_ps(numbers[1])))
         };
-        spread<const LANES: i32>(self) -> Self = Self(_mm256_permute_ps::<LANES>(self.0));
+        permute<const LANES: i32>(self) -> Self = Self(_mm256_permute_ps::<LANES>(self.0));
         firsts(self) -> [f32; 4] = {
             let second = _mm256_extractf128_ps::<1>(self.0);
             [_mm256_cvtss_f32(self.0), _mm_cvtss_f32(second), 0.0, 0.0]
@@ -210,110 +200,12 @@ impl Lanes for F16 {
             let quads = _mm512_mask_mov_ps(quads, 0x0F00, _mm512_set1_ps(numbers[2]));
             Self(_mm512_mask_mov_ps(quads, 0xF000, _mm512_set1_ps(numbers[3])))
         };
-        spread<const LANES: i32>(self) -> Self = Self(_mm512_permute_ps::<LANES>(self.0));
+        permute<const LANES: i32>(self) -> Self = Self(_mm512_permute_ps::<LANES>(self.0));
         firsts(self) -> [f32; 4] = [
             _mm512_cvtss_f32(self.0),
             _mm_cvtss_f32(_mm512_extractf32x4_ps::<1>(self.0)),
             _mm_cvtss_f32(_mm512_extractf32x4_ps::<2>(self.0)),
             _mm_cvtss_f32(_mm512_extractf32x4_ps::<3>(self.0)),
         ];
-    }
-}
-
-/// [`crate::Isa::nearest4_of4`] of the rays from `from` on, one a quad: the arithmetic of
-/// [`crate::x86::nearest4`], rays beside each other.
-///
-/// # Safety
-/// The CPU must have the instructions of the lanes.
-#[inline(always)]
-pub(crate) unsafe fn nearest_of_quads<L: Lanes>(
-    from: usize,
-    blocks: &[&Triangles4; 4],
-    rays: &[&ShearRay; 4],
-    spans: &[[f32; 2]; 4],
-    keep: &[[u32; 2]; 4],
-    all: &mut [Nearest; 4],
-) {
-    const X: i32 = repeated(0);
-    const Y: i32 = repeated(1);
-    const Z: i32 = repeated(2);
-    // SAFETY: the caller's CPU has the instructions; a ray's parts are of four numbers, and it holds
-    // starts of three rows of a corner, each of four lanes.
-    unsafe {
-        let (mut origins, mut shears) = ([std::ptr::null(); 4], [std::ptr::null(); 4]);
-        let (mut t_min, mut t_max) = ([0.0; 4], [0.0; 4]);
-        let (mut kept_front, mut kept_back) = (0, 0);
-        let mut i = 0;
-        while i < L::N / 4 {
-            let ray = (from + i) % 4;
-            let [origin, shear] = rays[ray].fours();
-            (origins[i], shears[i]) = (origin.as_ptr(), shear.as_ptr());
-            [t_min[i], t_max[i]] = spans[ray];
-            kept_front |= (keep[ray][0] & 15) << (4 * i);
-            kept_back |= (keep[ray][1] & 15) << (4 * i);
-            i += 1;
-        }
-        let (origins, shears) = (L::rows(origins), L::rows(shears));
-        let (ox, oy, oz) = (origins.spread::<X>(), origins.spread::<Y>(), origins.spread::<Z>());
-        let (sx, sy, sz) = (shears.spread::<X>(), shears.spread::<Y>(), shears.spread::<Z>());
-        // Not closures: called more than once, they would be compiled for the baseline.
-        let mut corners = [[L::splat(0.0); 3]; 3];
-        let mut corner = 0;
-        while corner < 3 {
-            let mut along = [L::splat(0.0); 3];
-            let mut axis = 0;
-            while axis < 3 {
-                let mut addresses = [std::ptr::null(); 4];
-                let mut i = 0;
-                while i < L::N / 4 {
-                    let ray = (from + i) % 4;
-                    let start = blocks[ray].vertices.as_ptr().add(corner);
-                    addresses[i] = start.byte_add(rays[ray].rows()[axis]).cast();
-                    i += 1;
-                }
-                along[axis] = L::rows(addresses);
-                axis += 1;
-            }
-            let z = along[2].sub(oz);
-            let x = along[0].sub(ox).sub(sx.mul(z));
-            let y = along[1].sub(oy).sub(sy.mul(z));
-            corners[corner] = [x, y, sz.mul(z)];
-            corner += 1;
-        }
-        let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = corners;
-        // Rounded term by term: nothing may be fused.
-        let u = cx.mul(by).sub(cy.mul(bx));
-        let v = ax.mul(cy).sub(ay.mul(cx));
-        let w = bx.mul(ay).sub(by.mul(ax));
-        let scaled = u.mul(az).add(v.mul(bz)).add(w.mul(cz));
-        let zero = L::splat(0.0);
-        let signs = u.min(v).min(w).mul(u.max(v).max(w));
-        let det = u.add(v).add(w);
-        let t = scaled.div(det);
-        let mixed = signs.lt(zero);
-        let size = det.abs();
-        let delicate = signs.eq(zero) | size.lt(L::splat(SMALL)) | L::splat(LARGE).lt(size);
-        let exact = delicate & !mixed;
-        let front = zero.lt(det);
-        let kept = (front & kept_front) | (!front & kept_back);
-        let met = L::quads(t_min).le(t) & t.le(L::quads(t_max)) & kept & !mixed;
-        let distances = t.select(met, L::splat(f32::INFINITY));
-        let pairs = distances.min(distances.spread::<0b10_11_00_01>());
-        let least = pairs.min(pairs.spread::<0b01_00_11_10>());
-        let nearest = distances.eq(least) & met;
-        let least = least.firsts();
-        let mut i = 0;
-        while i < L::N / 4 {
-            let nearest = nearest >> (4 * i) & 15;
-            let several = nearest & nearest.wrapping_sub(1);
-            all[(from + i) % 4] = Nearest {
-                t: least[i],
-                // Four if there is none.
-                lane: (nearest | 1 << 4).trailing_zeros() & 3,
-                mask: met >> (4 * i) & 15,
-                doubtful: (exact >> (4 * i) & 15) | several != 0,
-            };
-            i += 1;
-        }
     }
 }

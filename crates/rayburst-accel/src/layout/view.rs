@@ -165,12 +165,12 @@ impl TreeView {
         self.compressed == other.compressed
     }
 
-    /// [`Isa::sorted8_of`] of nodes of trees of one layout; spans are of `t_min` and `t_max`.
+    /// [`Isa::sorted8`] of nodes of trees of one layout; spans are of `t_min` and `t_max`.
     ///
     /// # Safety
     /// The references must be those of inner nodes of the trees.
     #[inline(always)]
-    pub(crate) unsafe fn sorted8_of<I: Isa, const N: usize>(
+    pub(crate) unsafe fn sorted8<I: Isa, const N: usize>(
         isa: I,
         trees: [Self; N],
         nodes: [Reference; N],
@@ -188,7 +188,7 @@ impl TreeView {
                     all[i] = trees[i].quantized(nodes[i]);
                     i += 1;
                 }
-                isa.quantized_sorted8_of(all, rays, spans, keys, found)
+                isa.quantized_sorted8(all, rays, spans, keys, found)
             } else {
                 let first = trees[0].wide(nodes[0]);
                 let mut all = [(&first.boxes, first.child_words()); N];
@@ -198,7 +198,7 @@ impl TreeView {
                     all[i] = (&node.boxes, node.child_words());
                     i += 1;
                 }
-                isa.sorted8_of(all, rays, spans, keys, found)
+                isa.sorted8(all, rays, spans, keys, found)
             }
         }
     }

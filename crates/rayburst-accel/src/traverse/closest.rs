@@ -87,6 +87,7 @@ impl Query for Closest {
 impl OneHit for Closest {
     #[inline(always)]
     fn put_off(&mut self, hit: bool, pending: Pending) -> ControlFlow<()> {
+        // Whether a leaf has a hit is as good as random.
         self.pending = select_unpredictable(hit, pending, self.pending);
         ControlFlow::Continue(())
     }
