@@ -22,8 +22,8 @@ const CALLS: &[&str] = &[
     // Triangles met exactly at an edge.
     "rayburst_simd::triangles::decide_exactly",
     // Memory for rays in flight, once a batch.
-    "interleaved::Hangar<",
-    "interleaved::SCRATCH",
+    "interleaved::flights::Hangar<",
+    "interleaved::flights::SCRATCH",
     "core::ptr::drop_in_place",
     "core::ops::drop::Drop>::drop",
     "free@",
@@ -50,9 +50,9 @@ const CALLS: &[&str] = &[
 const CHECKS: &[(&str, &str)] = &[
     // Storing the answer of a ray.
     ("traverse/answers.rs", "self.0[index] ="),
-    ("traverse/interleaved.rs", "counts["),
+    ("traverse/interleaved/mod.rs", "counts["),
     // Taking the next ray.
-    ("traverse/interleaved.rs", "let ray = &self.rays[index];"),
+    ("traverse/interleaved/mod.rs", "let ray = &self.rays[index];"),
     // Looking at 64 rays, and putting them side by side.
     ("traverse/batch.rs", "stream::sort("),
     ("traverse/batch.rs", "is_coherent(&rays[part"),
@@ -63,8 +63,6 @@ const CHECKS: &[(&str, &str)] = &[
     // Answering a ray of a bundle.
     ("bundle/mod.rs", "&rays[index]"),
     ("layout/triangles.rs", "starts[geometry]"),
-    // Preparing a ray.
-    ("traverse/prepare.rs", "reach.to_array()"),
     // Entering an instance.
     ("src/tlas.rs", "self.placed["),
     ("src/tlas.rs", "self.blases["),
