@@ -54,6 +54,11 @@ impl OneHit for Any {
     fn settle(&mut self, _: &Place<'_>, _: &PreparedRay, _: &Span) {}
 
     #[inline(always)]
+    fn has(&self, _: u32, _: &Place<'_>) -> bool {
+        false
+    }
+
+    #[inline(always)]
     fn resume(ray: &Ray, _: &Place<'_>, found: Option<&Candidate>) -> Self {
         Self { t_max: ray.t_max, found: found.is_some() }
     }

@@ -102,6 +102,15 @@ impl OneHit for Closest {
     }
 
     #[inline(always)]
+    fn has(&self, triangle: u32, place: &Place<'_>) -> bool {
+        if self.pending == Pending::NONE {
+            self.key == u64::from(place.instance) << 32 | u64::from(triangle)
+        } else {
+            self.pending.triangle(place) == triangle
+        }
+    }
+
+    #[inline(always)]
     fn resume(ray: &Ray, place: &Place<'_>, found: Option<&Candidate>) -> Self {
         let mut query = Self::new(ray);
         if let Some(candidate) = found {

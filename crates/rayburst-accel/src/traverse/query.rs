@@ -41,6 +41,9 @@ pub(crate) trait OneHit: Query + Copy {
     /// Completes the hit that was put off last, if any; where it was found, `span` ends at it.
     fn settle(&mut self, place: &Place<'_>, ray: &PreparedRay, span: &Span);
 
+    /// Whether a triangle of `place` is the one that was taken or put off last.
+    fn has(&self, triangle: u32, place: &Place<'_>) -> bool;
+
     /// The query of a ray that has found this in `place` so far.
     fn resume(ray: &Ray, place: &Place<'_>, found: Option<&Candidate>) -> Self;
 
@@ -147,6 +150,21 @@ pub(crate) struct Pending(u64);
 impl Pending {
     pub(crate) const NONE: Self = Self(u64::MAX);
 
+    /// The leaf and the lane.
+    #[inline(always)]
+    fn leaf<'a>(self, place: &Place<'a>) -> (Leaf<'a>, usize) {
+        // SAFETY: the value is one that `test_leaf` had, of a leaf of the place's tree.
+        let leaf = unsafe { place.blas.tree.view().leaf((self.0 >> 2) as u32) };
+        (leaf, self.0 as usize % 4)
+    }
+
+    /// The triangle; there must be one.
+    #[inline(always)]
+    pub(crate) fn triangle(self, place: &Place<'_>) -> u32 {
+        let (leaf, lane) = self.leaf(place);
+        leaf.id(lane).triangle()
+    }
+
     #[inline(always)]
     fn new(value: u32, lane: u32) -> Self {
         Self(u64::from(value) << 2 | u64::from(lane))
@@ -175,10 +193,28 @@ pub(crate) fn test_leaf<I: Isa, Q: OneHit, F: CandidateFilter, C: Count>(
     let nearest = leaf.nearest4(isa, &ray.shear, span, place.keep);
     if is_plain::<F>(&nearest, place, ray, leaf, span) {
         take_plain(&nearest, value, span, query)
+    } else if is_met_again(&nearest, place, leaf, span, query) {
+        ControlFlow::Continue(())
     } else {
         query.settle(place, ray, span);
         test_each(isa, place, ray, leaf, asker, span, query)
     }
+}
+
+/// Whether what was found in a leaf is what the query has already: after spatial splits several leaves
+/// hold a triangle.
+#[inline(always)]
+pub(crate) fn is_met_again<Q: OneHit>(
+    nearest: &Nearest,
+    place: &Place<'_>,
+    leaf: Leaf<'_>,
+    span: &Span,
+    query: &Q,
+) -> bool {
+    Q::ORDERED
+        && !nearest.doubtful
+        && nearest.t == span.t_max
+        && query.has(leaf.id(nearest.lane as usize).triangle(), place)
 }
 
 /// Whether there is nothing to decide about what was found in a leaf.
@@ -230,9 +266,7 @@ pub(crate) fn settle_candidate(
     pending: Pending,
     t: f32,
 ) -> Candidate {
-    let (value, lane) = ((pending.0 >> 2) as u32, pending.0 as usize % 4);
-    // SAFETY: the value is one that `test_leaf` had.
-    let leaf = unsafe { place.blas.tree.view().leaf(value) };
+    let (leaf, lane) = pending.leaf(place);
     let (u, v, counter_clockwise) = barycentric(&leaf.corners_along(lane, &ray.shear), &ray.shear);
     Candidate {
         t: ray.external(t),

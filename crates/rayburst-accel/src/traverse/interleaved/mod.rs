@@ -102,10 +102,10 @@ pub(crate) fn trace<'a, I: Isa, S: Structure, F: CandidateFilter, C: Count, A: A
         while leaf.count_ones() as usize >= GROUP {
             let slots = take_group(&mut leaf);
             // SAFETY: as above.
-            if unsafe { pilot.leaves::<A::Query, C>(slots, others, &mut sets) } {
-                moved = true;
-            } else {
-                single |= set_of(slots);
+            let left = unsafe { pilot.leaves::<A::Query, C>(slots, others, &mut sets) };
+            moved |= left == 0;
+            if left != 0 {
+                single |= left;
             }
         }
         if !moved {

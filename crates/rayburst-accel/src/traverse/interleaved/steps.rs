@@ -2,11 +2,11 @@
 
 use std::{hint::select_unpredictable, ops::ControlFlow};
 
-use rayburst_simd::{Isa, SLOT};
+use rayburst_simd::{Isa, Nearest, SLOT};
 
 use super::{
     Pilot,
-    flights::{BOTTOM, DONE, GROUP, Sets, keys},
+    flights::{BOTTOM, DONE, GROUP, Sets, keys, set_of},
 };
 use crate::{
     CandidateFilter,
@@ -17,9 +17,12 @@ use crate::{
     structure::Structure,
     traverse::{
         count::Count,
-        query::{Asker, OneHit, is_plain, take_plain, test_leaf},
+        query::{Asker, OneHit, is_met_again, is_plain, take_plain, test_leaf},
     },
 };
+
+/// All rays of a group, as bits.
+const ALL: u32 = (1 << GROUP) - 1;
 
 impl<I: Isa, S: Structure, F: CandidateFilter> Pilot<'_, '_, I, S, F> {
     /// Visits a node, whatever it is that its ray meets first.
@@ -209,12 +212,30 @@ impl<I: Isa, S: Structure, F: CandidateFilter> Pilot<'_, '_, I, S, F> {
                 &mut f.query,
                 &mut f.count,
             );
-            let top = f.top as usize;
-            let tree = if S::TWO_LEVEL { f.tree } else { self.tree };
-            let place = if ended == ControlFlow::Break(()) {
+            self.after_leaf::<Q, C>(slot, ended, sets);
+        }
+    }
+
+    /// Goes on with what is on the stack, unless the query has ended.
+    ///
+    /// # Safety
+    /// As for [`Pilot::any_node`].
+    #[inline(always)]
+    unsafe fn after_leaf<Q: OneHit, C: Count>(
+        &self,
+        slot: u32,
+        ended: ControlFlow<()>,
+        sets: &mut Sets,
+    ) {
+        // SAFETY: the caller's promise.
+        unsafe {
+            let flight = self.flight::<Q, C>(slot);
+            let (top, t_max) = ((*flight).top as usize, (*flight).span.t_max);
+            let tree = if S::TWO_LEVEL { (*flight).tree } else { self.tree };
+            let place = if ended.is_break() {
                 BOTTOM - 1
             } else if Q::ORDERED {
-                self.pop(keys(flight), top, f.span.t_max)
+                self.pop(keys(flight), top, t_max)
             } else {
                 top - 1
             };
@@ -223,8 +244,8 @@ impl<I: Isa, S: Structure, F: CandidateFilter> Pilot<'_, '_, I, S, F> {
         }
     }
 
-    /// Visits a leaf for each of some flights; does nothing and says so if one is not of the usual
-    /// kind.
+    /// Visits a leaf for each of some flights; gives the set of those whose leaves are left, since there
+    /// is something to decide about them.
     ///
     /// # Safety
     /// As for [`Pilot::any_node`].
@@ -234,13 +255,13 @@ impl<I: Isa, S: Structure, F: CandidateFilter> Pilot<'_, '_, I, S, F> {
         slots: [u32; GROUP],
         others: u32,
         sets: &mut Sets,
-    ) -> bool {
+    ) -> u32 {
         // SAFETY: the caller's promise.
         unsafe {
             let first = self.flight::<Q, C>(slots[0]);
-            let Some(place) = &(*first).place else { return false };
+            let Some(place) = &(*first).place else { return set_of(slots) };
             let tree = if S::TWO_LEVEL { (*first).tree } else { self.tree };
-            let Some(block) = tree.block((*first).current.value()) else { return false };
+            let Some(block) = tree.block((*first).current.value()) else { return set_of(slots) };
             let mut flights = [first; GROUP];
             let (mut blocks, mut places) = ([block; GROUP], [place; GROUP]);
             let mut rays = [&(*first).ray.shear; GROUP];
@@ -251,24 +272,50 @@ impl<I: Isa, S: Structure, F: CandidateFilter> Pilot<'_, '_, I, S, F> {
                 let f = &*flights[i];
                 let mut tree = tree;
                 if S::TWO_LEVEL {
-                    let Some(place) = &f.place else { return false };
+                    let Some(place) = &f.place else { return set_of(slots) };
                     (places[i], keep[i], tree) = (place, place.keep, f.tree);
                 }
-                let Some(block) = tree.block(f.current.value()) else { return false };
+                let Some(block) = tree.block(f.current.value()) else {
+                    return set_of(slots);
+                };
                 (blocks[i], rays[i]) = (block, &f.ray.shear);
                 spans[i] = [f.span.t_min, f.span.t_max];
                 i += 1;
             }
             let nearest = self.isa.nearest4_of4(blocks, rays, spans, keep);
-            let mut plain = true;
+            let mut plain = 0;
             let mut i = 0;
             while i < GROUP {
                 let (f, leaf) = (&*flights[i], Leaf::Block(blocks[i]));
-                plain &= is_plain::<F>(&nearest[i], places[i], &f.ray, leaf, &f.span);
+                let is_plain = is_plain::<F>(&nearest[i], places[i], &f.ray, leaf, &f.span);
+                plain |= u32::from(is_plain) << i;
                 i += 1;
             }
-            if !plain {
-                return false;
+            if plain != ALL {
+                if !Q::ORDERED {
+                    return set_of(slots);
+                }
+                let mut left = 0;
+                let mut i = 0;
+                while i < GROUP {
+                    let (f, leaf) = (&mut *flights[i], Leaf::Block(blocks[i]));
+                    let mut found = nearest[i];
+                    let mut ready = plain >> i & 1 != 0;
+                    if !ready && is_met_again(&found, places[i], leaf, &f.span, &f.query) {
+                        (found, ready) = (Nearest::NONE, true);
+                    }
+                    if ready {
+                        f.count.beside(others);
+                        f.count.leaf(leaf);
+                        let value = f.current.value();
+                        let ended = take_plain(&found, value, &mut f.span, &mut f.query);
+                        self.after_leaf::<Q, C>(slots[i], ended, sets);
+                    } else {
+                        left |= 1 << slots[i];
+                    }
+                    i += 1;
+                }
+                return left;
             }
             let (mut tops, mut none) = ([0; GROUP], false);
             let mut i = 0;
@@ -305,7 +352,7 @@ impl<I: Isa, S: Structure, F: CandidateFilter> Pilot<'_, '_, I, S, F> {
                 self.advance::<Q, C>(slots[i], tree, tops[i], next, sets);
                 i += 1;
             }
-            true
+            0
         }
     }
 }
