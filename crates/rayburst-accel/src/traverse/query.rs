@@ -214,7 +214,7 @@ pub(crate) fn is_met_again<Q: OneHit>(
     Q::ORDERED
         && !nearest.doubtful
         && nearest.t == span.t_max
-        && query.has(leaf.id(nearest.lane as usize).triangle(), place)
+        && query.has(leaf.id(nearest.lane as usize % 4).triangle(), place)
 }
 
 /// Whether there is nothing to decide about what was found in a leaf.
