@@ -1,0 +1,12 @@
+//! Shapes without triangles: what rays meet of spheres, tori, curves, height fields, signed distance
+//! fields and what is made of them.
+//!
+//! A [`Shape`] lives in object space, knows its box and finds its hits: all that an intersection shader
+//! needs. Rays have directions of any length, `t` is in units of them, and hits are those with
+//! `t_min ≤ t ≤ t_max`, where `t_min` may be negative. Invalid rays
+//! ([`rayburst_math::Ray::is_valid`]) hit nothing.
+#![forbid(unsafe_code)]
+
+mod shape;
+
+pub use shape::{Shape, ShapeHit};
