@@ -7,7 +7,7 @@
 
 use crate::{
     Boxes8, Triangles4,
-    triangles::{AXES, LARGE, ROW_BYTES as TRIANGLE_ROW, SMALL},
+    triangles::{AXES, LARGE, ROW_BYTES as TRIANGLE_ROW, SMALL, cross, margin},
 };
 
 /// Rays in a group.
@@ -347,18 +347,15 @@ pub(crate) fn triangle16<const NEAREST: bool>(
             )
         };
         let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (corner(0), corner(1), corner(2));
-        let u = cx * by - cy * bx;
-        let v = ax * cy - ay * cx;
-        let w = bx * ay - by * ax;
-        let (least, greatest) = (u.min(v).min(w), u.max(v).max(w));
-        let signs = least * greatest;
-        if signs < 0.0 {
+        let u = cross(cx, by, cy, bx);
+        let v = cross(ax, cy, ay, cx);
+        let w = cross(bx, ay, by, ax);
+        let margin = margin(u, v, w);
+        if margin < -SMALL {
             continue;
         }
         let det = u + v + w;
-        let size = det.abs();
-        #[allow(clippy::manual_range_contains, reason = "lanes of NaN are not delicate")]
-        let delicate = (size < SMALL) | (size > LARGE) | (signs == 0.0);
+        let delicate = (margin <= SMALL) | (det.abs() > LARGE);
         let t = (u * az + v * bz + w * cz) / det;
         let within = t >= group.t_min[ray] && t <= group.t_max[ray];
         let kept = question.keep[usize::from(det <= 0.0)] != 0;

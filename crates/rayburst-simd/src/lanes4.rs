@@ -37,6 +37,8 @@ pub(crate) unsafe trait Lanes4: Copy {
     unsafe fn div(a: Self::F, b: Self::F) -> Self::F;
     /// `a · b − c`, fused or not.
     unsafe fn mul_sub(a: Self::F, b: Self::F, c: Self::F) -> Self::F;
+    /// `a · b − c`, rounded once.
+    unsafe fn fused_sub(a: Self::F, b: Self::F, c: Self::F) -> Self::F;
     unsafe fn abs(a: Self::F) -> Self::F;
     /// Of equal numbers, and of zeros of either sign, either; of a NaN anything.
     unsafe fn min(a: Self::F, b: Self::F) -> Self::F;
@@ -251,6 +253,19 @@ struct Edges<L: Lanes4> {
     exact: L::U,
 }
 
+/// [`crate::triangles::cross`] of each lane.
+///
+/// # Safety
+/// See [`Lanes4`].
+#[inline(always)]
+unsafe fn cross4<L: Lanes4>(p: L::F, q: L::F, r: L::F, s: L::F) -> L::F {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let rounded = L::mul(r, s);
+        L::sub(L::fused_sub(p, q, rounded), L::fused_sub(r, s, rounded))
+    }
+}
+
 /// Edge functions and the scaled distance of each lane.
 ///
 /// # Safety
@@ -270,21 +285,17 @@ unsafe fn edges4<L: Lanes4>(block: &Triangles4, ray: &ShearRay) -> Edges<L> {
             (x, y, L::mul(L::splat(shear[2]), z))
         };
         let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (sheared(0), sheared(1), sheared(2));
-        let u = L::sub(L::mul(cx, by), L::mul(cy, bx));
-        let v = L::sub(L::mul(ax, cy), L::mul(ay, cx));
-        let w = L::sub(L::mul(bx, ay), L::mul(by, ax));
+        let u = cross4::<L>(cx, by, cy, bx);
+        let v = cross4::<L>(ax, cy, ay, cx);
+        let w = cross4::<L>(bx, ay, by, ax);
         let scaled = L::add(L::add(L::mul(u, az), L::mul(v, bz)), L::mul(w, cz));
-        let zero = L::splat(0.0);
         let least = L::min(L::min(u, v), w);
         let greatest = L::max(L::max(u, v), w);
-        let signs = L::mul(least, greatest);
-        let mixed = L::less(signs, zero);
+        let margin = L::max(least, L::sub(L::splat(-0.0), greatest));
+        let mixed = L::less(margin, L::splat(-SMALL));
         let det = L::add(L::add(u, v), w);
-        let size = L::abs(det);
-        let delicate = L::or(
-            L::equal(signs, zero),
-            L::or(L::less(size, L::splat(SMALL)), L::less(L::splat(LARGE), size)),
-        );
+        let delicate =
+            L::or(L::less_equal(margin, L::splat(SMALL)), L::less(L::splat(LARGE), L::abs(det)));
         Edges { v, w, det, scaled, mixed, exact: L::without(delicate, mixed) }
     }
 }

@@ -59,6 +59,7 @@ unsafe impl Lanes4 for Neon {
         mul(a: Self::F, b: Self::F) -> Self::F = vmulq_f32(a, b);
         div(a: Self::F, b: Self::F) -> Self::F = vdivq_f32(a, b);
         mul_sub(a: Self::F, b: Self::F, c: Self::F) -> Self::F = vfmaq_f32(vnegq_f32(c), a, b);
+        fused_sub(a: Self::F, b: Self::F, c: Self::F) -> Self::F = vfmaq_f32(vnegq_f32(c), a, b);
         abs(a: Self::F) -> Self::F = vabsq_f32(a);
         min(a: Self::F, b: Self::F) -> Self::F = vminq_f32(a, b);
         max(a: Self::F, b: Self::F) -> Self::F = vmaxq_f32(a, b);

@@ -2,7 +2,7 @@
 
 use crate::{
     Boxes8, Isa, Kernel, ShearRay, SlabRay, TriangleHits, Triangles4,
-    triangles::{LARGE, SMALL, corners_along, decide_exactly, sheared},
+    triangles::{LARGE, SMALL, corners_along, cross, decide_exactly, margin, sheared},
 };
 
 /// The token of plain Rust, for every CPU.
@@ -56,19 +56,15 @@ impl Isa for Scalar {
             let (ax, ay, az) = sheared(&corners[0], ray);
             let (bx, by, bz) = sheared(&corners[1], ray);
             let (cx, cy, cz) = sheared(&corners[2], ray);
-            let u = cx * by - cy * bx;
-            let v = ax * cy - ay * cx;
-            let w = bx * ay - by * ax;
-            let (least, greatest) = (u.min(v).min(w), u.max(v).max(w));
-            let signs = least * greatest;
-            if signs < 0.0 {
+            let u = cross(cx, by, cy, bx);
+            let v = cross(ax, cy, ay, cx);
+            let w = cross(bx, ay, by, ax);
+            let margin = margin(u, v, w);
+            if margin < -SMALL {
                 continue;
             }
             let det = u + v + w;
-            let size = det.abs();
-            #[allow(clippy::manual_range_contains, reason = "lanes of NaN are not delicate")]
-            let delicate = (size < SMALL) | (size > LARGE);
-            if signs == 0.0 || delicate {
+            if margin <= SMALL || det.abs() > LARGE {
                 decide_exactly(&corners, ray, lane, t_min, t_max, &mut found);
                 continue;
             }

@@ -59,6 +59,15 @@ unsafe impl Lanes4 for Simd128 {
         mul(a: Self::F, b: Self::F) -> Self::F = f32x4_mul(a, b);
         div(a: Self::F, b: Self::F) -> Self::F = f32x4_div(a, b);
         mul_sub(a: Self::F, b: Self::F, c: Self::F) -> Self::F = f32x4_sub(f32x4_mul(a, b), c);
+        fused_sub(a: Self::F, b: Self::F, c: Self::F) -> Self::F = {
+            // There is no such instruction.
+            f32x4(
+                f32x4_extract_lane::<0>(a).mul_add(f32x4_extract_lane::<0>(b), -f32x4_extract_lane::<0>(c)),
+                f32x4_extract_lane::<1>(a).mul_add(f32x4_extract_lane::<1>(b), -f32x4_extract_lane::<1>(c)),
+                f32x4_extract_lane::<2>(a).mul_add(f32x4_extract_lane::<2>(b), -f32x4_extract_lane::<2>(c)),
+                f32x4_extract_lane::<3>(a).mul_add(f32x4_extract_lane::<3>(b), -f32x4_extract_lane::<3>(c)),
+            )
+        };
         abs(a: Self::F) -> Self::F = f32x4_abs(a);
         min(a: Self::F, b: Self::F) -> Self::F = f32x4_pmin(a, b);
         max(a: Self::F, b: Self::F) -> Self::F = f32x4_pmax(a, b);

@@ -309,6 +309,56 @@ impl Kernel for Order<'_> {
     }
 }
 
+/// However long and thin a triangle is, the distance is as good as its corners are.
+#[test]
+fn distances_to_slivers_are_accurate() {
+    let mut random = Random(11);
+    let (mut count, mut worst) = (0, 0.0f64);
+    while count < 20_000 {
+        let width = 10f32.powf(3.0 * random.next() - 3.0);
+        let (along, across) = (random.vector(), random.vector());
+        let a = random.vector();
+        let point = |s: f32, t: f32| [0, 1, 2].map(|i| a[i] + 100.0 * s * along[i] + t * across[i]);
+        let corners = [a, point(1.0, 0.0), point(0.5, width)];
+        let mut block = Triangles4 { vertices: [[[f32::NAN; 4]; 3]; 3], ids: [0; 4] };
+        for corner in 0..3 {
+            for axis in 0..3 {
+                block.vertices[corner][axis][0] = corners[corner][axis];
+            }
+        }
+        let (origin, direction) = (random.vector(), random.vector());
+        let longest = direction.iter().fold(0.0f32, |l, d| l.max(d.abs()));
+        // Through a point of the inside, as long as a coordinate is one.
+        let inside = point(0.2 + 0.3 * (random.next() + 1.0), 0.2 * width);
+        let direction = direction.map(|d| d / longest);
+        let way = 3.0 * random.next();
+        let origin = [0, 1, 2].map(|i| inside[i] + 0.1 * origin[i] - way * direction[i]);
+        let direction = [0, 1, 2].map(|i| inside[i] - origin[i]);
+        let longest = direction.iter().fold(0.0f32, |l, d| l.max(d.abs()));
+        let direction = direction.map(|d| d / longest);
+        let ray = ShearRay::new(&origin, &direction, 1.0);
+        let hits = Test(&block, &ray, f32::NEG_INFINITY, f32::INFINITY).run(Scalar);
+
+        let wide = |v: [f32; 3]| v.map(f64::from);
+        let minus = |p: [f64; 3], q: [f64; 3]| [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
+        let dot = |p: [f64; 3], q: [f64; 3]| p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
+        let [a, b, c] = corners.map(wide);
+        let (p, q) = (minus(b, a), minus(c, a));
+        let normal =
+            [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
+        let facing = dot(normal, wide(direction)) / dot(normal, normal).sqrt();
+        // Seen from the side, a corner that is off moves the hit far along the ray.
+        if hits.mask == 0 || facing.abs() < 0.3 {
+            continue;
+        }
+        let t = dot(normal, minus(a, wide(origin))) / dot(normal, wide(direction));
+        worst = worst.max((f64::from(hits.t[0]) - t).abs());
+        count += 1;
+    }
+    // Corners are up to 175 away, where numbers are multiples of 2⁻¹⁶.
+    assert!(worst < 2.0 / f64::from(1 << 15), "{worst}");
+}
+
 #[test]
 fn children_are_sorted_farthest_first() {
     let mut random = Random(3);

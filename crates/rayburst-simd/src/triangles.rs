@@ -2,15 +2,16 @@
 //!
 //! After Woop, Benthin, Wald: "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013. The vertices
 //! are moved to the ray's origin and sheared so that the ray runs along +z; three edge functions then
-//! decide. Two triangles that share an edge compute the same sheared vertices, and `a·b − c·d` rounded
-//! term by term has the sign of its exact value or is zero, so only zeros need care: they are decided
-//! in `f64`, where products of `f32` are exact. (A fused multiply-add would break this; none is used,
-//! and so all instruction sets give the same bits.)
+//! decide. Two triangles that share an edge compute the same sheared vertices, and edge functions are
+//! right but for their last bits ([`cross`]), so they have the signs of their exact values, and only
+//! zeros need care: they are decided in `f64`, where products of `f32` are exact.
 //!
-//! Changed: `f64` also takes over where determinants come near the ends of `f32`'s range, and the
-//! distance is divided rather than multiplied by a reciprocal. Whether signs are mixed is seen in the
-//! product of the least and the greatest edge function, which is zero where one of them is, or where
-//! both are tiny: then `f64` decides too.
+//! Changed: edge functions are that accurate not for their signs alone. They are the weights of the
+//! distance, and rounded term by term those of a sliver would be wrong by as much as it is longer than
+//! wide: the hit could lie outside of the triangle's box. `f64` also takes over where edge functions
+//! come near the ends of `f32`'s range, and the distance is divided rather than multiplied by a
+//! reciprocal. Whether signs are mixed is seen in the greater of the least edge function and minus the
+//! greatest ([`margin`]).
 
 use bytemuck::{Pod, Zeroable};
 
@@ -159,7 +160,27 @@ impl Nearest {
     pub const NONE: Self = Self { t: f32::INFINITY, lane: 0, mask: 0, doubtful: false };
 }
 
-/// Determinants of smaller magnitude are evaluated in `f64`.
+/// `p·q − r·s`, wrong by at most two units in the last place unless products underflow, and zero only if it
+/// is: Kahan's algorithm (Jeannerod, Louvet, Muller, "Further analysis of Kahan's algorithm for the accurate
+/// computation of 2 × 2 determinants", 2013).
+#[inline(always)]
+pub(crate) fn cross(p: f32, q: f32, r: f32, s: f32) -> f32 {
+    let rounded = r * s;
+    p.mul_add(q, -rounded) - r.mul_add(s, -rounded)
+}
+
+/// By how much edge functions have the same sign: the least magnitude of them, or less than zero if their
+/// signs are mixed. Up to [`SMALL`] on either side of zero products may underflow, and `f64` decides.
+#[inline(always)]
+pub(crate) fn margin(u: f32, v: f32, w: f32) -> f32 {
+    // Comparisons and not `min` and `max`, which look for NaN.
+    let least = |x: f32, y: f32| if x < y { x } else { y };
+    let greatest = |x: f32, y: f32| if x > y { x } else { y };
+    greatest(least(least(u, v), w), -greatest(greatest(u, v), w))
+}
+
+/// Edge functions of smaller magnitude are evaluated in `f64`: the products that they are differences of
+/// may be so small that what rounding takes from them underflows.
 pub(crate) const SMALL: f32 = f32::from_bits((127 - 100) << 23);
 /// Determinants of larger magnitude are evaluated in `f64`.
 pub(crate) const LARGE: f32 = f32::from_bits((127 + 60) << 23);
@@ -216,16 +237,11 @@ pub fn barycentric(corners: &[[f32; 3]; 3], ray: &ShearRay) -> (f32, f32, bool) 
     let (ax, ay, _) = sheared(&corners[0], ray);
     let (bx, by, _) = sheared(&corners[1], ray);
     let (cx, cy, _) = sheared(&corners[2], ray);
-    let u = cx * by - cy * bx;
-    let v = ax * cy - ay * cx;
-    let w = bx * ay - by * ax;
+    let u = cross(cx, by, cy, bx);
+    let v = cross(ax, cy, ay, cx);
+    let w = cross(bx, ay, by, ax);
     let det = u + v + w;
-    // Comparisons and not `min` and `max`, which look for NaN.
-    let least = |x: f32, y: f32| if x < y { x } else { y };
-    let greatest = |x: f32, y: f32| if x > y { x } else { y };
-    let signs = least(least(u, v), w) * greatest(greatest(u, v), w);
-    let size = det.abs();
-    if signs == 0.0 || !(SMALL..=LARGE).contains(&size) {
+    if margin(u, v, w) <= SMALL || det.abs() > LARGE {
         let mut hits = TriangleHits::NONE;
         decide_exactly(corners, ray, 0, f32::NEG_INFINITY, f32::INFINITY, &mut hits);
         return (hits.u[0], hits.v[0], hits.front & 1 != 0);

@@ -297,6 +297,19 @@ impl FourTriangles for TriangleRows<'_> {
     }
 }
 
+/// [`triangles::cross`] of each lane.
+///
+/// # Safety
+/// The CPU must have AVX2 and FMA.
+#[inline(always)]
+unsafe fn cross4(p: __m128, q: __m128, r: __m128, s: __m128) -> __m128 {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let rounded = _mm_mul_ps(r, s);
+        _mm_sub_ps(_mm_fmsub_ps(p, q, rounded), _mm_fmsub_ps(r, s, rounded))
+    }
+}
+
 /// Edge functions and the scaled distance of each lane.
 ///
 /// # Safety
@@ -317,9 +330,9 @@ pub(crate) unsafe fn edges4<T: FourTriangles>(triangles: T, ray: &ShearRay) -> [
             (x, y, _mm_mul_ps(_mm_set1_ps(shear[2]), z))
         };
         let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (sheared(0), sheared(1), sheared(2));
-        let u = _mm_sub_ps(_mm_mul_ps(cx, by), _mm_mul_ps(cy, bx));
-        let v = _mm_sub_ps(_mm_mul_ps(ax, cy), _mm_mul_ps(ay, cx));
-        let w = _mm_sub_ps(_mm_mul_ps(bx, ay), _mm_mul_ps(by, ax));
+        let u = cross4(cx, by, cy, bx);
+        let v = cross4(ax, cy, ay, cx);
+        let w = cross4(bx, ay, by, ax);
         let scaled =
             _mm_add_ps(_mm_add_ps(_mm_mul_ps(u, az), _mm_mul_ps(v, bz)), _mm_mul_ps(w, cz));
         [u, v, w, scaled]
@@ -338,19 +351,16 @@ pub(crate) unsafe fn decide4(
 ) -> (__m128, __m128, __m128) {
     // SAFETY: the caller's promise; what is loaded and stored is said below.
     unsafe {
-        let zero = _mm_setzero_ps();
+        let sign = _mm_set1_ps(-0.0);
         let least = _mm_min_ps(_mm_min_ps(u, v), w);
         let greatest = _mm_max_ps(_mm_max_ps(u, v), w);
-        let signs = _mm_mul_ps(least, greatest);
-        let mixed = _mm_or_ps(_mm_cmplt_ps(signs, zero), unused);
+        let margin = _mm_max_ps(least, _mm_xor_ps(sign, greatest));
+        let mixed = _mm_or_ps(_mm_cmplt_ps(margin, _mm_set1_ps(-SMALL)), unused);
         let det = _mm_add_ps(_mm_add_ps(u, v), w);
-        let size = _mm_andnot_ps(_mm_set1_ps(-0.0), det);
+        let size = _mm_andnot_ps(sign, det);
         let delicate = _mm_or_ps(
-            _mm_cmpeq_ps(signs, zero),
-            _mm_or_ps(
-                _mm_cmplt_ps(size, _mm_set1_ps(SMALL)),
-                _mm_cmpgt_ps(size, _mm_set1_ps(LARGE)),
-            ),
+            _mm_cmple_ps(margin, _mm_set1_ps(SMALL)),
+            _mm_cmpgt_ps(size, _mm_set1_ps(LARGE)),
         );
         (det, mixed, _mm_andnot_ps(mixed, delicate))
     }

@@ -256,8 +256,20 @@ pub(crate) unsafe fn prepare16<L: Lanes>(
     }
 }
 
-/// The edge functions of sheared corners, and what tells whether their signs are mixed: the product
-/// of the least and the greatest.
+/// [`crate::triangles::cross`] of each lane.
+///
+/// # Safety
+/// The CPU must have the instructions of the lanes.
+#[inline(always)]
+unsafe fn cross<L: Lanes>(p: L, q: L, r: L, s: L) -> L {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let rounded = r.mul(s);
+        p.mul_sub(q, rounded).sub(r.mul_sub(s, rounded))
+    }
+}
+
+/// The edge functions of sheared corners, and their [`crate::triangles::margin`].
 ///
 /// # Safety
 /// The CPU must have the instructions of the lanes.
@@ -269,11 +281,10 @@ pub(crate) unsafe fn edges<L: Lanes>(
 ) -> [L; 4] {
     // SAFETY: the caller's promise.
     unsafe {
-        // Rounded term by term: nothing may be fused.
-        let u = cx.mul(by).sub(cy.mul(bx));
-        let v = ax.mul(cy).sub(ay.mul(cx));
-        let w = bx.mul(ay).sub(by.mul(ax));
-        [u, v, w, u.min(v).min(w).mul(u.max(v).max(w))]
+        let u = cross(cx, by, cy, bx);
+        let v = cross(ax, cy, ay, cx);
+        let w = cross(bx, ay, by, ax);
+        [u, v, w, u.min(v).min(w).max(u.max(v).max(w).negated())]
     }
 }
 
@@ -282,12 +293,9 @@ pub(crate) unsafe fn edges<L: Lanes>(
 /// # Safety
 /// The CPU must have the instructions of the lanes.
 #[inline(always)]
-pub(crate) unsafe fn delicate<L: Lanes>(signs: L, det: L) -> u32 {
+pub(crate) unsafe fn delicate<L: Lanes>(margin: L, det: L) -> u32 {
     // SAFETY: the caller's promise.
-    unsafe {
-        let size = det.abs();
-        signs.eq(L::splat(0.0)) | size.lt(L::splat(SMALL)) | L::splat(LARGE).lt(size)
-    }
+    unsafe { margin.le(L::splat(SMALL)) | L::splat(LARGE).lt(det.abs()) }
 }
 
 /// [`crate::Isa::triangle16`].
@@ -323,14 +331,14 @@ pub(crate) unsafe fn triangle16<L: Lanes, const NEAREST: bool>(
                 (x, y, z)
             };
             let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (sheared(0), sheared(1), sheared(2));
-            let [u, v, w, signs] = edges([ax, ay], [bx, by], [cx, cy]);
+            let [u, v, w, margin] = edges([ax, ay], [bx, by], [cx, cy]);
             let zero = L::splat(0.0);
-            let alive = active & !signs.lt(zero);
+            let alive = active & !margin.lt(L::splat(-SMALL));
             if alive == 0 {
                 (0, 0)
             } else {
                 let det = u.add(v).add(w);
-                let delicate = delicate(signs, det);
+                let delicate = delicate(margin, det);
                 let scale = row(&group.shear[2]);
                 let (az, bz, cz) = (scale.mul(az), scale.mul(bz), scale.mul(cz));
                 let t = u.mul(az).add(v.mul(bz)).add(w.mul(cz)).div(det);

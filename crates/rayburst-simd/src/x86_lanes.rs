@@ -21,6 +21,7 @@ pub(crate) trait Lanes: Copy {
     unsafe fn min(self, other: Self) -> Self;
     unsafe fn max(self, other: Self) -> Self;
     unsafe fn abs(self) -> Self;
+    unsafe fn negated(self) -> Self;
     /// Comparisons are false for NaN.
     unsafe fn lt(self, other: Self) -> u32;
     unsafe fn le(self, other: Self) -> u32;
@@ -120,6 +121,7 @@ impl Lanes for F8 {
         min(self, b: Self) -> Self = Self(_mm256_min_ps(self.0, b.0));
         max(self, b: Self) -> Self = Self(_mm256_max_ps(self.0, b.0));
         abs(self) -> Self = Self(_mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0));
+        negated(self) -> Self = Self(_mm256_xor_ps(_mm256_set1_ps(-0.0), self.0));
         lt(self, b: Self) -> u32 = compare8!(self, b, _CMP_LT_OQ);
         le(self, b: Self) -> u32 = compare8!(self, b, _CMP_LE_OQ);
         eq(self, b: Self) -> u32 = compare8!(self, b, _CMP_EQ_OQ);
@@ -174,6 +176,7 @@ impl Lanes for F16 {
         min(self, b: Self) -> Self = Self(_mm512_min_ps(self.0, b.0));
         max(self, b: Self) -> Self = Self(_mm512_max_ps(self.0, b.0));
         abs(self) -> Self = Self(_mm512_abs_ps(self.0));
+        negated(self) -> Self = Self(_mm512_xor_ps(_mm512_set1_ps(-0.0), self.0));
         lt(self, b: Self) -> u32 = compare16!(self, b, _CMP_LT_OQ);
         le(self, b: Self) -> u32 = compare16!(self, b, _CMP_LE_OQ);
         eq(self, b: Self) -> u32 = compare16!(self, b, _CMP_EQ_OQ);

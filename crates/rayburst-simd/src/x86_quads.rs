@@ -3,6 +3,7 @@
 
 use crate::{
     Nearest, ShearRay, Triangles4,
+    triangles::SMALL,
     x86_group::{delicate, edges},
     x86_lanes::Lanes,
 };
@@ -88,13 +89,13 @@ unsafe fn nearest_from<L: Lanes>(
             corner += 1;
         }
         let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = corners;
-        let [u, v, w, signs] = edges([ax, ay], [bx, by], [cx, cy]);
+        let [u, v, w, margin] = edges([ax, ay], [bx, by], [cx, cy]);
         let scaled = u.mul(az).add(v.mul(bz)).add(w.mul(cz));
         let zero = L::splat(0.0);
         let det = u.add(v).add(w);
         let t = scaled.div(det);
-        let mixed = signs.lt(zero);
-        let exact = delicate(signs, det) & !mixed;
+        let mixed = margin.lt(L::splat(-SMALL));
+        let exact = delicate(margin, det) & !mixed;
         let front = zero.lt(det);
         let kept = (front & kept_front) | (!front & kept_back);
         let met = L::quads(t_min).le(t) & t.le(L::quads(t_max)) & kept & !mixed;

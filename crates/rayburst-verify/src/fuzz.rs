@@ -231,6 +231,11 @@ mod tests {
     }
 
     #[test]
+    fn slivers_are_hit_within_their_boxes() {
+        check(include_bytes!("fuzz/sliver.bin"));
+    }
+
+    #[test]
     fn all_ways_agree_on_any_bytes() {
         check(&[]);
         let mut mutator = inputs::Mutator::new(1);
