@@ -8,7 +8,7 @@ use rayburst_simd::{Isa, IsaLevel, Triangles4};
 
 use crate::{
     BuildError, BuildOptions, BuildQuality, BuildStats, Builder, BvhDefect, CandidateFilter,
-    InstanceFlags, Layout, TraceOptions, TriangleMesh, ValidationReport,
+    Geometry, GeometryInfo, InstanceFlags, Layout, TraceOptions, TriangleMesh, ValidationReport,
     build::{
         binned_sah::{BinnedSah, MAX_DEPTH},
         monitor::Monitor,
@@ -26,6 +26,7 @@ use crate::{
         triangles::{BLOCK, TriangleId, TriangleLeaves, locate},
         view::TreeView,
     },
+    procedural::ProceduralTree,
     refit::changed::Links,
     structure::{Stacks, Structure},
     traverse::{
@@ -51,9 +52,33 @@ pub struct Blas {
     absent: OnceLock<Vec<u32>>,
     /// The ways up the tree, made when first asked for.
     links: OnceLock<Links>,
+    /// What each geometry is.
+    infos: Vec<GeometryInfo>,
+    /// The tree of procedural primitives, if there are any.
+    procedural: Option<Box<ProceduralTree>>,
 }
 
 impl Blas {
+    /// Builds over triangle meshes and procedural primitives; their order gives the geometry indices of
+    /// hits. Triangles and procedural primitives get a tree each.
+    pub fn of_geometries(
+        geometries: &[Geometry<'_>],
+        options: &BuildOptions<'_>,
+    ) -> Result<Self, BuildError> {
+        let begin = Instant::now();
+        let procedural = ProceduralTree::build(geometries, options)?;
+        let meshes = geometries.iter().map(|geometry| match geometry {
+            Geometry::Triangles(mesh) => *mesh,
+            Geometry::Procedural(_) => TriangleMesh::new(&[], &[]),
+        });
+        let meshes: Vec<_> = meshes.collect();
+        let mut blas = Self::build(&meshes, options)?;
+        blas.infos = geometries.iter().map(Geometry::info).collect();
+        blas.procedural = procedural.map(Box::new);
+        blas.stats.seconds = begin.elapsed().as_secs_f64();
+        Ok(blas)
+    }
+
     /// Builds over triangle meshes; their order gives the geometry indices of hits.
     pub fn build(
         geometries: &[TriangleMesh<'_>],
@@ -139,17 +164,49 @@ impl Blas {
             seconds: begin.elapsed().as_secs_f64(),
         };
         let (blocks, absent, links) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
-        Ok(Self { tree, starts, stats, isa, blocks, absent, links })
+        let infos = geometries.iter().map(|&mesh| Geometry::from(mesh).info()).collect();
+        let procedural = None;
+        Ok(Self { tree, starts, stats, isa, blocks, absent, links, infos, procedural })
     }
 
-    /// What the build made.
+    /// What the build made, of both trees together.
     pub fn stats(&self) -> BuildStats {
-        self.stats
+        let mut stats = self.stats;
+        stats.bytes += size_of_val(self.infos.as_slice());
+        match &self.procedural {
+            Some(procedural) => procedural.add_to(stats),
+            None => stats,
+        }
+    }
+
+    /// The box around all primitives that can be hit; empty if there are none.
+    pub fn bounds(&self) -> Aabb {
+        self.tree.bounds.union(self.procedural_bounds())
     }
 
     /// The box around all triangles that can be hit; empty if there are none.
-    pub fn bounds(&self) -> Aabb {
+    pub(crate) fn triangle_bounds(&self) -> Aabb {
         self.tree.bounds
+    }
+
+    /// The box around all procedural primitives that can be met; empty if there are none.
+    pub(crate) fn procedural_bounds(&self) -> Aabb {
+        self.procedural.as_ref().map_or(Aabb::EMPTY, |procedural| procedural.bounds())
+    }
+
+    /// The tree of procedural primitives.
+    pub(crate) fn procedural(&self) -> Option<&ProceduralTree> {
+        self.procedural.as_deref()
+    }
+
+    /// What each geometry is.
+    pub fn geometries(&self) -> &[GeometryInfo] {
+        &self.infos
+    }
+
+    /// Whether a ray may ask about a triangle more than once: after spatial splits.
+    pub fn may_ask_twice(&self) -> bool {
+        self.has_duplicates()
     }
 
     /// How many geometries it was built from.
@@ -184,6 +241,9 @@ impl Blas {
     /// leaves that it is in after spatial splits; boxes enclosing, references in bounds, depth within
     /// what traversal allows.
     pub fn validate(&self) -> Result<ValidationReport, BvhDefect> {
+        if let Some(procedural) = &self.procedural {
+            procedural.validate()?;
+        }
         let total = self.starts[self.geometry_count()];
         let expected = self.stats.primitives;
         let half_lines = size_of::<Triangles4>() / 32;

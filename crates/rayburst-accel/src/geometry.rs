@@ -1,6 +1,7 @@
 //! What goes into a structure: triangle meshes into a BLAS, instances into a TLAS.
 
 use glam::{Affine3A, Vec3};
+use rayburst_math::Aabb;
 
 /// Coordinates may be this large (2⁶⁰); triangles and instances beyond are never hit.
 ///
@@ -18,12 +19,14 @@ pub struct TriangleMesh<'a> {
     pub transform: Option<Affine3A>,
     /// Whether hits are final: opaque geometry never calls the candidate filter.
     pub opaque: bool,
+    /// Whether a ray must ask about a triangle once at most (DXR's `NO_DUPLICATE_ANYHIT_INVOCATION`).
+    pub no_duplicate_any_hit: bool,
 }
 
 impl<'a> TriangleMesh<'a> {
     /// An opaque mesh without a transform.
     pub const fn new(positions: &'a [Vec3], indices: &'a [[u32; 3]]) -> Self {
-        Self { positions, indices, transform: None, opaque: true }
+        Self { positions, indices, transform: None, opaque: true, no_duplicate_any_hit: false }
     }
 
     /// The corners of a triangle after the transform. All indices must have been checked.
@@ -38,6 +41,87 @@ impl<'a> TriangleMesh<'a> {
             }
         };
         [corner(a), corner(b), corner(c)]
+    }
+}
+
+/// One geometry of a BLAS: boxes, each with something in it that an intersection shader knows of.
+#[derive(Clone, Copy, Debug)]
+pub struct ProceduralBoxes<'a> {
+    /// The boxes of the primitives. One that is empty, not finite or beyond [`MAX_COORDINATE`] is never
+    /// met; one without extent is.
+    pub boxes: &'a [Aabb],
+    /// Whether hits are final, as for triangles.
+    pub opaque: bool,
+    /// As for triangles: a box is met once by a ray, but may hold several hits.
+    pub no_duplicate_any_hit: bool,
+}
+
+impl<'a> ProceduralBoxes<'a> {
+    /// Opaque primitives.
+    pub const fn new(boxes: &'a [Aabb]) -> Self {
+        Self { boxes, opaque: true, no_duplicate_any_hit: false }
+    }
+}
+
+/// One geometry of a BLAS, of either kind.
+#[derive(Clone, Copy, Debug)]
+pub enum Geometry<'a> {
+    /// Triangles, tested here.
+    Triangles(TriangleMesh<'a>),
+    /// Boxes of primitives that somebody else tests.
+    Procedural(ProceduralBoxes<'a>),
+}
+
+impl<'a> From<TriangleMesh<'a>> for Geometry<'a> {
+    fn from(mesh: TriangleMesh<'a>) -> Self {
+        Self::Triangles(mesh)
+    }
+}
+
+impl<'a> From<ProceduralBoxes<'a>> for Geometry<'a> {
+    fn from(boxes: ProceduralBoxes<'a>) -> Self {
+        Self::Procedural(boxes)
+    }
+}
+
+/// What a geometry consists of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum GeometryKind {
+    /// Triangles.
+    Triangles,
+    /// Procedural primitives.
+    Procedural,
+}
+
+/// What a BLAS remembers of a geometry.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GeometryInfo {
+    /// What it consists of.
+    pub kind: GeometryKind,
+    /// How many primitives it has, those included that are never met.
+    pub primitives: u32,
+    /// Whether hits are final.
+    pub opaque: bool,
+    /// Whether a ray must ask about a primitive once at most.
+    pub no_duplicate_any_hit: bool,
+}
+
+impl Geometry<'_> {
+    pub(crate) fn info(&self) -> GeometryInfo {
+        match self {
+            Self::Triangles(mesh) => GeometryInfo {
+                kind: GeometryKind::Triangles,
+                primitives: mesh.indices.len() as u32,
+                opaque: mesh.opaque,
+                no_duplicate_any_hit: mesh.no_duplicate_any_hit,
+            },
+            Self::Procedural(boxes) => GeometryInfo {
+                kind: GeometryKind::Procedural,
+                primitives: boxes.boxes.len() as u32,
+                opaque: boxes.opaque,
+                no_duplicate_any_hit: boxes.no_duplicate_any_hit,
+            },
+        }
     }
 }
 
@@ -64,11 +148,23 @@ pub struct Instance {
     pub mask: u8,
     /// What differs from the rule.
     pub flags: InstanceFlags,
+    /// A number for shaders (DXR's `InstanceID`); DXR has 24 bits for it.
+    pub id: u32,
+    /// What the instance adds to the index of its hit groups' records (DXR's
+    /// `InstanceContributionToHitGroupIndex`); DXR has 24 bits for it.
+    pub contribution: u32,
 }
 
 impl Instance {
     /// An instance that every ray visits.
     pub fn new(blas: u32, transform: Affine3A) -> Self {
-        Self { blas, transform, mask: 0xFF, flags: InstanceFlags::default() }
+        Self {
+            blas,
+            transform,
+            mask: 0xFF,
+            flags: InstanceFlags::default(),
+            id: 0,
+            contribution: 0,
+        }
     }
 }

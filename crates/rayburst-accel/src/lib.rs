@@ -23,7 +23,9 @@ mod geometry;
 mod layout;
 mod lists;
 mod options;
+mod procedural;
 mod query;
+mod ray_flags;
 mod refit;
 mod structure;
 mod tlas;
@@ -33,11 +35,16 @@ mod validate;
 pub use blas::Blas;
 pub use control::BuildControl;
 pub use error::BuildError;
-pub use geometry::{Instance, InstanceFlags, MAX_COORDINATE, TriangleMesh};
-pub use options::{BuildOptions, BuildQuality, BuildStats, Builder, Curve, Layout};
-pub use query::{
-    AcceptAll, AllHits, CandidateFilter, Counters, Cull, FilterFn, TraceMode, TraceOptions,
+pub use geometry::{
+    Geometry, GeometryInfo, GeometryKind, Instance, InstanceFlags, MAX_COORDINATE, ProceduralBoxes,
+    TriangleMesh,
 };
+pub use options::{BuildOptions, BuildQuality, BuildStats, Builder, Curve, Layout};
+pub use procedural::ProceduralCandidate;
+pub use query::{
+    AcceptAll, AllHits, CandidateFilter, Counters, Cull, FilterFn, Skip, TraceMode, TraceOptions,
+};
+pub use ray_flags::RayFlags;
 pub use rayburst_simd::IsaLevel;
 pub use refit::RefitReport;
 pub use tlas::Tlas;

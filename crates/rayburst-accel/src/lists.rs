@@ -27,6 +27,6 @@ lists! {
     Builder: BinnedSah, SpatialSplits, Lbvh, Hlbvh, Ploc;
     Curve: Morton, Hilbert;
     Layout: Wide, Compressed;
-    Cull: None, Front, Back;
+    Cull: None, Front, Back, Both;
     TraceMode: Auto, Single, Interleaved, Packet, Stream;
 }

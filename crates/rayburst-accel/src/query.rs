@@ -13,6 +13,45 @@ pub enum Cull {
     Front,
     /// Those seen from the back.
     Back,
+    /// All, but in instances that disable culling.
+    Both,
+}
+
+impl Cull {
+    #[inline(always)]
+    pub(crate) fn skips_front(self) -> bool {
+        matches!(self, Self::Front | Self::Both)
+    }
+
+    #[inline(always)]
+    pub(crate) fn skips_back(self) -> bool {
+        matches!(self, Self::Back | Self::Both)
+    }
+}
+
+/// What is skipped as if it were not there.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Skip {
+    /// Geometry that is opaque, after all that overrides it.
+    pub opaque: bool,
+    /// Geometry that is not.
+    pub non_opaque: bool,
+    /// Triangles.
+    pub triangles: bool,
+    /// Procedural primitives.
+    pub procedural: bool,
+}
+
+impl Skip {
+    /// Nothing.
+    pub const NONE: Self =
+        Self { opaque: false, non_opaque: false, triangles: false, procedural: false };
+
+    /// Whether a triangle is skipped, given whether it is opaque.
+    #[inline(always)]
+    pub(crate) fn skips(self, opaque: bool) -> bool {
+        if opaque { self.opaque } else { self.non_opaque }
+    }
 }
 
 /// How the rays of a batch are traced. Answers do not depend on it.
@@ -44,11 +83,26 @@ pub struct TraceOptions {
     pub cull: Cull,
     /// How batches are traced.
     pub mode: TraceMode,
+    /// Overrides the opacity of instances and geometries.
+    pub force_opaque: Option<bool>,
+    /// What else is skipped. Batches that skip by opacity are traced one ray after another.
+    pub skip: Skip,
+}
+
+impl TraceOptions {
+    /// Everything can be hit, as it says itself.
+    pub const DEFAULT: Self = Self {
+        mask: 0xFF,
+        cull: Cull::None,
+        mode: TraceMode::Auto,
+        force_opaque: None,
+        skip: Skip::NONE,
+    };
 }
 
 impl Default for TraceOptions {
     fn default() -> Self {
-        Self { mask: 0xFF, cull: Cull::None, mode: TraceMode::Auto }
+        Self::DEFAULT
     }
 }
 
@@ -57,13 +111,21 @@ impl Default for TraceOptions {
 /// Called only for geometry that is not opaque. The order of calls is unspecified, so an answer must
 /// depend on the arguments alone; any closure `Fn(u32, &Ray, &Hit) -> bool` is a filter in
 /// [`FilterFn`].
-pub trait CandidateFilter: Sync {
+pub trait CandidateFilter {
     /// Whether the filter is ever asked; if not, the kernels hold no trace of it.
     const ACTIVE: bool = true;
+    /// Whether [`CandidateFilter::ends`] is ever asked.
+    const ENDS: bool = false;
 
     /// Whether the candidate counts as a hit. `ray_index` is the ray's index in its batch, `ray` the
     /// ray as given (in world space).
     fn accept(&self, ray_index: u32, ray: &Ray, candidate: &Hit) -> bool;
+
+    /// Whether the search of a single ray ends at the candidate that was just accepted (DXR's
+    /// `AcceptHitAndEndSearch`). Batches do not ask: they go on to the nearest hit.
+    fn ends(&self) -> bool {
+        false
+    }
 }
 
 /// The filter that lets everything stop rays, at no cost.
@@ -83,7 +145,7 @@ impl CandidateFilter for AcceptAll {
 #[derive(Clone, Copy, Debug)]
 pub struct FilterFn<F>(pub F);
 
-impl<F: Fn(u32, &Ray, &Hit) -> bool + Sync> CandidateFilter for FilterFn<F> {
+impl<F: Fn(u32, &Ray, &Hit) -> bool> CandidateFilter for FilterFn<F> {
     #[inline]
     fn accept(&self, ray_index: u32, ray: &Ray, candidate: &Hit) -> bool {
         (self.0)(ray_index, ray, candidate)
@@ -92,10 +154,16 @@ impl<F: Fn(u32, &Ray, &Hit) -> bool + Sync> CandidateFilter for FilterFn<F> {
 
 impl<T: CandidateFilter> CandidateFilter for &T {
     const ACTIVE: bool = T::ACTIVE;
+    const ENDS: bool = T::ENDS;
 
     #[inline]
     fn accept(&self, ray_index: u32, ray: &Ray, candidate: &Hit) -> bool {
         (**self).accept(ray_index, ray, candidate)
+    }
+
+    #[inline(always)]
+    fn ends(&self) -> bool {
+        (**self).ends()
     }
 }
 

@@ -12,7 +12,7 @@ use crate::{
         answers::{Answers, AnyHits, ClosestHits},
         any::Any,
         batch,
-        closest::Closest,
+        closest::{Closest, FirstFound},
         count::{Count, NoCount},
         gather::{Every, First, Gather, run as lists},
         prepare::PreparedRay,
@@ -29,7 +29,7 @@ pub(crate) struct Stacks {
 
 impl Stacks {
     #[inline(always)]
-    fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self { top: Stack::new(), bottom: Stack::new() }
     }
 }
@@ -139,6 +139,19 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter, C: Count> Tracer<'a, I, S, F,
     }
 }
 
+/// A filter that never ends a search.
+#[derive(Clone, Copy)]
+struct GoOn<'a, F>(&'a F);
+
+impl<F: CandidateFilter> CandidateFilter for GoOn<'_, F> {
+    const ACTIVE: bool = F::ACTIVE;
+
+    #[inline(always)]
+    fn accept(&self, ray_index: u32, ray: &Ray, candidate: &Hit) -> bool {
+        self.0.accept(ray_index, ray, candidate)
+    }
+}
+
 /// Fewer rays are traced one by one.
 const FEW: usize = 4;
 
@@ -152,7 +165,16 @@ impl<S: Structure, F: CandidateFilter, C: Count, A: Answers> Kernel for Batch<'_
         if C::ACTIVE {
             self.counts.fill(C::default());
         }
-        if mode == TraceMode::Single || (mode == TraceMode::Auto && self.rays.len() < FEW) {
+        let skip = self.options.skip;
+        if skip.triangles {
+            for (index, ray) in self.rays.iter().enumerate() {
+                self.answers.end(self.structure, index, &A::begin(ray));
+            }
+        } else if skip.opaque
+            || skip.non_opaque
+            || mode == TraceMode::Single
+            || (mode == TraceMode::Auto && self.rays.len() < FEW)
+        {
             for (index, (ray, count)) in self.rays.iter().zip(self.counts).enumerate() {
                 let mut query = A::begin(ray);
                 tracer.trace(index, ray, &mut query);
@@ -182,8 +204,10 @@ impl<S: Structure, F: CandidateFilter, Q: Query> Kernel for One<'_, S, F, Q> {
         let asker = Asker { filter: self.filter, ray: self.ray, index: 0 };
         let (mut stacks, mut count) = (Stacks::new(), NoCount);
         let (options, query) = (self.options, &mut self.query);
-        // Whether the search ended early is in the query.
-        let _ = self.structure.trace(isa, &asker, options, &mut stacks, query, &mut count);
+        if !options.skip.triangles {
+            // Whether the search ended early is in the query.
+            let _ = self.structure.trace(isa, &asker, options, &mut stacks, query, &mut count);
+        }
         self.query
     }
 }
@@ -208,6 +232,17 @@ fn closest_of_one<S: Structure, F: CandidateFilter>(
     let query = Closest::new(ray);
     let one = One { structure, ray, options, filter, query };
     structure.finish(&structure.isa_level().dispatch(one))
+}
+
+fn first_of_one<S: Structure, F: CandidateFilter>(
+    structure: &S,
+    ray: &Ray,
+    options: &TraceOptions,
+    filter: &F,
+) -> Hit {
+    let query = FirstFound(Closest::new(ray));
+    let one = One { structure, ray, options, filter, query };
+    structure.finish(&structure.isa_level().dispatch(one).0)
 }
 
 fn any_of_one<S: Structure, F: CandidateFilter>(
@@ -262,7 +297,7 @@ macro_rules! queries {
             ) -> AllHits {
                 let mut offsets = Vec::with_capacity(rays.len() + 1);
                 offsets.push(0);
-                let counts = &mut uncounted(rays);
+                let (counts, filter) = (&mut uncounted(rays), &GoOn(filter));
                 $with!(self, lists, rays, options, filter, gather, counts, &mut offsets, &mut hits);
                 AllHits { offsets, hits }
             }
@@ -275,6 +310,16 @@ macro_rules! queries {
                 filter: &impl CandidateFilter,
             ) -> Hit {
                 $with!(self, closest_of_one, ray, options, filter)
+            }
+
+            /// Some hit of a ray, the first one found, or [`Hit::MISS`]: less work than the nearest.
+            pub fn first_hit(
+                &self,
+                ray: &Ray,
+                options: &TraceOptions,
+                filter: &impl CandidateFilter,
+            ) -> Hit {
+                $with!(self, first_of_one, ray, options, filter)
             }
 
             /// Whether a ray hits anything.
@@ -325,7 +370,8 @@ macro_rules! queries {
                 filter: &impl CandidateFilter,
             ) {
                 assert_eq!(rays.len(), hits.len(), "as many hits as rays");
-                $with!(self, run, rays, options, filter, &mut uncounted(rays), ClosestHits(hits));
+                let (counts, filter) = (&mut uncounted(rays), &GoOn(filter));
+                $with!(self, run, rays, options, filter, counts, ClosestHits(hits));
             }
 
             /// The nearest hit of each ray, and what each visited.
@@ -342,6 +388,7 @@ macro_rules! queries {
             ) {
                 assert_eq!(rays.len(), hits.len(), "as many hits as rays");
                 assert_eq!(rays.len(), counts.len(), "as many counts as rays");
+                let filter = &GoOn(filter);
                 $with!(self, run, rays, options, filter, counts, ClosestHits(hits));
             }
 
@@ -357,7 +404,8 @@ macro_rules! queries {
                 filter: &impl CandidateFilter,
             ) {
                 assert_eq!(rays.len(), occluded.len(), "as many answers as rays");
-                $with!(self, run, rays, options, filter, &mut uncounted(rays), AnyHits(occluded));
+                let (counts, filter) = (&mut uncounted(rays), &GoOn(filter));
+                $with!(self, run, rays, options, filter, counts, AnyHits(occluded));
             }
 
             /// Whether each ray hits anything, and what each visited.
@@ -374,6 +422,7 @@ macro_rules! queries {
             ) {
                 assert_eq!(rays.len(), occluded.len(), "as many answers as rays");
                 assert_eq!(rays.len(), counts.len(), "as many counts as rays");
+                let filter = &GoOn(filter);
                 $with!(self, run, rays, options, filter, counts, AnyHits(occluded));
             }
 

@@ -26,6 +26,7 @@ use crate::{
         bvh8::{Bvh8, Leaves},
         view::TreeView,
     },
+    procedural::{ProceduralTop, ProceduralTree},
     structure::{Stacks, Structure},
     traverse::{
         closest::Closest,
@@ -50,6 +51,8 @@ pub struct Tlas {
     condition: f32,
     /// The greatest coordinate of an instance's translation or of the bounds.
     reach: f32,
+    /// The tree over instances with procedural primitives, if there are any.
+    procedural: Option<Box<ProceduralTop>>,
     stats: BuildStats,
     isa: IsaLevel,
 }
@@ -79,11 +82,11 @@ impl Placed {
 }
 
 /// What the world needs to know of an instance.
-struct Placement {
+pub(crate) struct Placement {
     inverse: Affine3A,
     /// Empty if the instance cannot be hit.
-    bounds: Aabb,
-    condition: f32,
+    pub(crate) bounds: Aabb,
+    pub(crate) condition: f32,
 }
 
 impl Tlas {
@@ -110,7 +113,7 @@ impl Tlas {
         let placements: Vec<Placement> = instances
             .par_iter()
             .with_min_len(256)
-            .map(|instance| place(instance, &blases[instance.blas as usize]))
+            .map(|instance| place(instance, &blases[instance.blas as usize].triangle_bounds()))
             .collect();
         let placed = || placements.iter().enumerate().filter(|(_, p)| !p.bounds.is_empty());
         let refs: Vec<PrimitiveRef> =
@@ -143,6 +146,7 @@ impl Tlas {
                 identity: instance.transform == Affine3A::IDENTITY,
             })
             .collect();
+        let procedural = ProceduralTop::build(&blases, instances)?;
         let stats = BuildStats {
             primitives,
             inactive: instances.len() - primitives,
@@ -151,7 +155,10 @@ impl Tlas {
             leaves: tree.shape.leaves,
             depth: tree.shape.depth,
             sah_cost: tree.shape.sah_cost,
-            bytes: tree.bytes() + size_of_val(instances) + size_of_val(placed.as_slice()),
+            bytes: tree.bytes()
+                + procedural.as_ref().map_or(0, ProceduralTop::bytes)
+                + size_of_val(instances)
+                + size_of_val(placed.as_slice()),
             seconds: begin.elapsed().as_secs_f64(),
         };
         Ok(Self {
@@ -162,6 +169,7 @@ impl Tlas {
             sole,
             condition,
             reach: corner.max(translation),
+            procedural: procedural.map(Box::new),
             stats,
             isa,
         })
@@ -174,7 +182,8 @@ impl Tlas {
 
     /// The box around all instances that can be hit, in the world; empty if there are none.
     pub fn bounds(&self) -> Aabb {
-        self.tree.bounds
+        let procedural = self.procedural.as_ref();
+        self.tree.bounds.union(procedural.map_or(Aabb::EMPTY, |procedural| procedural.bounds()))
     }
 
     /// The instruction set of its kernels.
@@ -225,7 +234,7 @@ impl Tlas {
             // Prepared for a larger box: as conservative as need be.
             Some(world) if placed.identity => Some((*world, place)),
             _ => {
-                let bounds = place.blas.bounds();
+                let bounds = place.blas.triangle_bounds();
                 Some((PreparedRay::new(&placed.local(ray), &bounds, 0.0)?, place))
             }
         }
@@ -242,13 +251,28 @@ impl Tlas {
     /// A valid ray prepared for the boxes of instances.
     #[inline(always)]
     fn prepare(&self, ray: &Ray) -> Option<PreparedRay> {
-        let slack = 4.0
-            * f32::EPSILON
-            * self.condition
-            * (2.0 * ray.origin.abs().max_element() + 2.0 * self.reach);
-        // Transforms may be as bad as `f32` goes, but offsets of planes must be finite: an infinite
-        // one would meet the empty slots of nodes. This much holds every origin and every box.
-        PreparedRay::new(ray, &self.tree.bounds, slack.min(MAX_SLACK))
+        PreparedRay::new(ray, &self.tree.bounds, slack(ray, self.condition, self.reach))
+    }
+
+    /// The tree over instances with procedural primitives.
+    pub(crate) fn procedural(&self) -> Option<&ProceduralTop> {
+        self.procedural.as_deref()
+    }
+
+    /// The procedural primitives of an instance, its flags, and a ray in its space, if its mask allows.
+    #[inline(always)]
+    pub(crate) fn enter_procedural(
+        &self,
+        index: u32,
+        ray: &Ray,
+        options: &TraceOptions,
+    ) -> Option<(&ProceduralTree, InstanceFlags, Ray)> {
+        let placed = &self.placed[index as usize];
+        if placed.mask & options.mask == 0 {
+            return None;
+        }
+        let tree = self.blases[placed.blas as usize].procedural()?;
+        Some((tree, placed.flags, placed.local(ray)))
     }
 
     /// Proves the structure, not its BLASes.
@@ -260,14 +284,25 @@ impl Tlas {
             InstanceLeaves::HALF_LINES,
             |value| {
                 let instance = &self.instances[value as usize];
-                vec![(value, place(instance, &self.blases[instance.blas as usize]).bounds)]
+                let bounds = self.blases[instance.blas as usize].triangle_bounds();
+                vec![(value, place(instance, &bounds).bounds)]
             },
         )
     }
 }
 
-/// The inverse of an instance's transform, its box in the world, and its κ.
-fn place(instance: &Instance, blas: &Blas) -> Placement {
+/// By how much the boxes of instances are widened for a ray, given the greatest κ and coordinate.
+#[inline(always)]
+pub(crate) fn slack(ray: &Ray, condition: f32, reach: f32) -> f32 {
+    let slack =
+        4.0 * f32::EPSILON * condition * (2.0 * ray.origin.abs().max_element() + 2.0 * reach);
+    // Transforms may be as bad as `f32` goes, but offsets of planes must be finite: an infinite
+    // one would meet the empty slots of nodes. This much holds every origin and every box.
+    slack.min(MAX_SLACK)
+}
+
+/// The inverse of an instance's transform, the box in the world of what is in this one, and its κ.
+pub(crate) fn place(instance: &Instance, object_bounds: &Aabb) -> Placement {
     let never = Placement { inverse: Affine3A::ZERO, bounds: Aabb::EMPTY, condition: 1.0 };
     let to_world = DAffine3::from_cols(
         Vec3::from(instance.transform.matrix3.x_axis).as_dvec3(),
@@ -282,10 +317,10 @@ fn place(instance: &Instance, blas: &Blas) -> Placement {
         to_object.matrix3.z_axis.as_vec3().into(),
         to_object.translation.as_vec3().into(),
     );
-    if blas.bounds().is_empty() || !to_world.is_finite() || !inverse.is_finite() {
+    if object_bounds.is_empty() || !to_world.is_finite() || !inverse.is_finite() {
         return never;
     }
-    let bounds = world_bounds(&blas.bounds(), &to_world);
+    let bounds = world_bounds(object_bounds, &to_world);
     if !is_traceable(&bounds) {
         return never;
     }

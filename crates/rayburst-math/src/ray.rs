@@ -64,6 +64,34 @@ impl HitKind {
     pub const TRIANGLE_FRONT: Self = Self(0xFE);
     /// The back face of a triangle.
     pub const TRIANGLE_BACK: Self = Self(0xFF);
+
+    /// Marks the kinds that intersection shaders report.
+    const PROCEDURAL: u32 = 0x100;
+
+    /// What an intersection shader reported, from 0 to 127; greater bits are dropped.
+    #[inline]
+    pub const fn procedural(kind: u8) -> Self {
+        Self(Self::PROCEDURAL | (kind & 0x7F) as u32)
+    }
+
+    /// Whether a procedural primitive was hit.
+    #[inline]
+    pub const fn is_procedural(self) -> bool {
+        self.0 & Self::PROCEDURAL != 0
+    }
+
+    /// Whether a triangle was hit.
+    #[inline]
+    pub const fn is_triangle(self) -> bool {
+        self.0 == Self::TRIANGLE_FRONT.0 || self.0 == Self::TRIANGLE_BACK.0
+    }
+
+    /// What DXR's `HitKind()` returns: 254 and 255 for the faces of triangles, else what the intersection
+    /// shader reported.
+    #[inline]
+    pub const fn code(self) -> u8 {
+        self.0 as u8
+    }
 }
 
 /// What a ray met: 32 bytes of plain data.
@@ -132,6 +160,19 @@ mod tests {
     fn rays_and_hits_are_32_bytes() {
         assert_eq!(size_of::<Ray>(), 32);
         assert_eq!(size_of::<Hit>(), 32);
+    }
+
+    #[test]
+    fn kinds_are_told_apart() {
+        assert_eq!(HitKind::TRIANGLE_FRONT.code(), 254);
+        assert_eq!(HitKind::TRIANGLE_BACK.code(), 255);
+        for code in 0..=255 {
+            let kind = HitKind::procedural(code);
+            assert_eq!(kind.code(), code & 0x7F);
+            assert!(kind.is_procedural() && !kind.is_triangle() && kind != HitKind::NONE);
+        }
+        assert!(HitKind::TRIANGLE_BACK.is_triangle() && !HitKind::TRIANGLE_BACK.is_procedural());
+        assert!(!HitKind::NONE.is_triangle() && !HitKind::NONE.is_procedural());
     }
 
     #[test]

@@ -257,6 +257,7 @@ impl<'a> Flattener<'a> {
                 indices: &g.primitive.indices,
                 transform: (g.transform != Affine3A::IDENTITY).then_some(g.transform),
                 opaque: is_opaque(self.scene, &g.primitive),
+                no_duplicate_any_hit: false,
             })
             .collect();
         let blas = Blas::build(&meshes, &self.options)

@@ -163,7 +163,11 @@ impl Nearest {
 /// `p·q − r·s`, wrong by at most two units in the last place unless products underflow, and zero only if it
 /// is: Kahan's algorithm (Jeannerod, Louvet, Muller, "Further analysis of Kahan's algorithm for the accurate
 /// computation of 2 × 2 determinants", 2013).
+///
+/// In plain Rust the fused operations are calls of the C library: slow, but the same bits as the
+/// instructions.
 #[inline(always)]
+#[allow(clippy::disallowed_methods, reason = "all instruction sets must round alike")]
 pub(crate) fn cross(p: f32, q: f32, r: f32, s: f32) -> f32 {
     let rounded = r * s;
     p.mul_add(q, -rounded) - r.mul_add(s, -rounded)

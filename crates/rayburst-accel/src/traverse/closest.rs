@@ -84,6 +84,30 @@ impl Query for Closest {
     }
 }
 
+/// The first hit that is found.
+#[derive(Clone, Copy)]
+pub(crate) struct FirstFound(pub(crate) Closest);
+
+impl Query for FirstFound {
+    const ORDERED: bool = false;
+
+    #[inline(always)]
+    fn t_max(&self) -> f32 {
+        self.0.t
+    }
+
+    #[inline(always)]
+    fn wants(&self, _: &Candidate, _: &Place<'_>) -> bool {
+        true
+    }
+
+    #[inline(always)]
+    fn take(&mut self, candidate: &Candidate, place: &Place<'_>) -> ControlFlow<()> {
+        self.0.take(candidate, place)?;
+        ControlFlow::Break(())
+    }
+}
+
 impl OneHit for Closest {
     #[inline(always)]
     fn put_off(&mut self, hit: bool, pending: Pending) -> ControlFlow<()> {

@@ -11,7 +11,7 @@ use super::{
     walk::{Leaves, Stack, walk},
 };
 use crate::{
-    Blas, CandidateFilter, Cull, InstanceFlags, TraceOptions,
+    Blas, CandidateFilter, Cull, InstanceFlags, Skip, TraceOptions,
     layout::{triangles::TriangleId, view::Leaf},
 };
 
@@ -71,6 +71,7 @@ pub(crate) struct Place<'a> {
     pub(crate) instance: u32,
     clockwise: bool,
     force_opaque: Option<bool>,
+    skip: Skip,
     /// Lanes kept of triangles that wind counter-clockwise, and of those that wind clockwise.
     pub(crate) keep: [u32; 2],
 }
@@ -89,11 +90,12 @@ impl<'a> Place<'a> {
             blas,
             instance,
             clockwise: flags.front_clockwise,
-            force_opaque: flags.force_opaque,
+            force_opaque: options.force_opaque.or(flags.force_opaque),
+            skip: options.skip,
             keep: if flags.front_clockwise {
-                [keep(cull != Cull::Back), keep(cull != Cull::Front)]
+                [keep(!cull.skips_back()), keep(!cull.skips_front())]
             } else {
-                [keep(cull != Cull::Front), keep(cull != Cull::Back)]
+                [keep(!cull.skips_front()), keep(!cull.skips_back())]
             },
         }
     }
@@ -309,13 +311,18 @@ pub(crate) fn test_each<I: Isa, Q: Query, F: CandidateFilter>(
         };
         // Conversion is exact but for subnormal distances.
         let inside = asker.ray.t_min <= candidate.t && candidate.t <= query.t_max();
+        let opaque = place.is_opaque(id);
         if inside
             && query.wants(&candidate, place)
+            && !place.skip.skips(opaque)
             && (!F::ACTIVE
-                || place.is_opaque(id)
+                || opaque
                 || asker.filter.accept(asker.index, asker.ray, &place.hit(&candidate)))
         {
             query.take(&candidate, place)?;
+            if F::ENDS && !opaque && asker.filter.ends() {
+                return ControlFlow::Break(());
+            }
             if Q::ORDERED {
                 let exact = Q::ENDS_AT_TAKEN && t.abs() >= ray.smallest();
                 span.t_max = if exact { t } else { ray.span(0.0, query.t_max()).t_max };

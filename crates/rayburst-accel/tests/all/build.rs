@@ -9,11 +9,7 @@ use rayburst_math::{Hit, Ray};
 
 use crate::meshes::{Mesh, QUALITIES, Random, all_builds, ray_at, soup, sphere, with_quality};
 
-const ANY: TraceOptions = TraceOptions {
-    mask: 0xFF,
-    cull: rayburst_accel::Cull::None,
-    mode: rayburst_accel::TraceMode::Auto,
-};
+const ANY: TraceOptions = TraceOptions::DEFAULT;
 
 /// Builds in every way and validates; returns the default one.
 fn build(mesh: &Mesh) -> Blas {

@@ -2,14 +2,13 @@
 
 use glam::Vec3;
 use rayburst_accel::{
-    AcceptAll, Blas, BuildError, BuildOptions, BuildQuality, Cull, TraceOptions, TriangleMesh,
+    AcceptAll, Blas, BuildError, BuildOptions, BuildQuality, TraceOptions, TriangleMesh,
 };
 use rayburst_math::Ray;
 
 use crate::meshes::{Mesh, Random, ray_at, soup, sphere};
 
-const ANY: TraceOptions =
-    TraceOptions { mask: 0xFF, cull: Cull::None, mode: rayburst_accel::TraceMode::Auto };
+const ANY: TraceOptions = TraceOptions::DEFAULT;
 
 fn build(mesh: &Mesh, quality: BuildQuality) -> Blas {
     let options = BuildOptions { quality, ..BuildOptions::default() };

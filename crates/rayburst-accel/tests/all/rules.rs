@@ -14,8 +14,7 @@ use rayburst_math::{Hit, HitKind, Ray};
 
 use crate::meshes::{Mesh, Random, ray_at, soup, with_isa};
 
-const ANY: TraceOptions =
-    TraceOptions { mask: 0xFF, cull: Cull::None, mode: rayburst_accel::TraceMode::Auto };
+const ANY: TraceOptions = TraceOptions::DEFAULT;
 
 /// Unit triangles facing +z at the given heights, in order.
 fn stack_of(heights: &[f32]) -> Mesh {

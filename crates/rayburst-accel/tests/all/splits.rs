@@ -11,11 +11,7 @@ use crate::{
     oracle::check_closest,
 };
 
-const OPTIONS: TraceOptions = TraceOptions {
-    mask: 0xFF,
-    cull: rayburst_accel::Cull::None,
-    mode: rayburst_accel::TraceMode::Auto,
-};
+const OPTIONS: TraceOptions = TraceOptions::DEFAULT;
 
 fn best(mesh: &Mesh, budget: f32) -> Blas {
     let options =

@@ -66,7 +66,7 @@ fn nearest(triangles: &[(u32, u32, Triangles4)], ray: &Ray, cull: Cull) -> Hit {
             continue;
         }
         let front = hits.front & 1 != 0;
-        if cull == (if front { Cull::Front } else { Cull::Back }) {
+        if cull == Cull::Both || cull == (if front { Cull::Front } else { Cull::Back }) {
             continue;
         }
         let hit = Hit {

@@ -1,0 +1,132 @@
+//! Procedural primitives: boxes, each with something in it that only the caller can intersect.
+//!
+//! They have trees of their own, beside those of triangles: a ray that meets only triangles pays nothing
+//! for them, and kernels of triangles know nothing of them. A ray is done with triangles first, so that
+//! its interval is short when intersection shaders, which cost more, are asked.
+
+mod top;
+mod visit;
+
+use rayburst_math::Aabb;
+
+pub(crate) use top::ProceduralTop;
+pub use visit::ProceduralCandidate;
+
+use crate::{
+    BuildError, BuildOptions, BuildQuality, BuildStats, BvhDefect, Geometry,
+    build::{
+        binned_sah::{BinnedSah, MAX_DEPTH},
+        monitor::Monitor,
+        primitives::{MAX_PRIMITIVES, PrimitiveRef, is_traceable},
+    },
+    layout::{
+        bvh8::{Bvh8, Leaves},
+        triangles::locate,
+    },
+    validate,
+};
+
+/// The tree of a BLAS over boxes.
+#[derive(Clone, Debug)]
+pub(crate) struct ProceduralTree {
+    tree: Bvh8,
+    /// The number of each geometry's first box, and after the last the number of all; geometries of
+    /// triangles have none.
+    starts: Vec<u32>,
+    /// Whether each geometry is opaque.
+    opaque: Vec<bool>,
+    primitives: usize,
+}
+
+/// Leaves that are boxes: the reference says which, and nothing is stored.
+pub(crate) struct BoxLeaves;
+
+impl Leaves for BoxLeaves {
+    const HALF_LINES: usize = 0;
+
+    fn place(&self, primitives: &[u32], _: u32) -> u32 {
+        primitives[0]
+    }
+
+    fn write(&self, _: &[u32], _: &mut [u32]) {}
+}
+
+/// Whether a primitive in the box can be met.
+fn is_active(bounds: &Aabb) -> bool {
+    !bounds.is_empty() && is_traceable(bounds)
+}
+
+impl ProceduralTree {
+    /// Builds over the boxes of some geometries; `None` if none of them is procedural.
+    pub(crate) fn build(
+        geometries: &[Geometry<'_>],
+        options: &BuildOptions<'_>,
+    ) -> Result<Option<Self>, BuildError> {
+        let mut starts = vec![0];
+        let mut refs = vec![];
+        let mut total = 0usize;
+        for geometry in geometries {
+            if let Geometry::Procedural(geometry) = geometry {
+                let count = total + geometry.boxes.len();
+                if count > MAX_PRIMITIVES {
+                    let (what, limit) = ("procedural primitives", MAX_PRIMITIVES);
+                    return Err(BuildError::TooMany { what, count, limit });
+                }
+                let boxes = geometry.boxes.iter().zip(total as u32..);
+                let active = boxes.filter(|(bounds, _)| is_active(bounds));
+                refs.extend(active.map(|(bounds, index)| PrimitiveRef::new(bounds, index)));
+                total = count;
+            }
+            starts.push(total as u32);
+        }
+        if geometries.iter().all(|geometry| matches!(geometry, Geometry::Triangles(_))) {
+            return Ok(None);
+        }
+        let bins = if options.quality == BuildQuality::Fast { 8 } else { 32 };
+        let monitor = Monitor::new(options.control);
+        monitor.check()?;
+        let primitives = refs.len();
+        let binary = BinnedSah { bins, leaf_size: 1, max_depth: MAX_DEPTH, monitor };
+        let binary = binary.build(refs)?;
+        // A cancelled tree has leaves of any size.
+        monitor.check()?;
+        let tree = Bvh8::collapse(&binary, &BoxLeaves)?;
+        let opaque = geometries.iter().map(|geometry| geometry.info().opaque).collect();
+        Ok(Some(Self { tree, starts, opaque, primitives }))
+    }
+
+    /// The box around all primitives that can be met; empty if there are none.
+    pub(crate) fn bounds(&self) -> Aabb {
+        self.tree.bounds
+    }
+
+    /// What both trees of a BLAS consist of, given that of the other one.
+    pub(crate) fn add_to(&self, other: BuildStats) -> BuildStats {
+        let (shape, total) = (&self.tree.shape, *self.starts.last().unwrap_or(&0) as usize);
+        let words = size_of_val(self.starts.as_slice()) + size_of_val(self.opaque.as_slice());
+        BuildStats {
+            primitives: other.primitives + self.primitives,
+            inactive: other.inactive + total - self.primitives,
+            references: other.references + self.primitives,
+            nodes: other.nodes + shape.nodes,
+            leaves: other.leaves + shape.leaves,
+            depth: other.depth.max(shape.depth),
+            sah_cost: other.sah_cost + shape.sah_cost,
+            bytes: other.bytes + self.tree.bytes() + words,
+            ..other
+        }
+    }
+
+    /// The geometry and primitive of a box numbered through all geometries.
+    fn locate(&self, number: u32) -> (u32, u32) {
+        locate(&self.starts, number)
+    }
+
+    /// Proves the tree.
+    pub(crate) fn validate(&self) -> Result<(), BvhDefect> {
+        let total = *self.starts.last().unwrap_or(&0);
+        // Leaves' boxes are the primitives': none of them is kept beside.
+        let leaf = |value| vec![(value, Aabb::EMPTY)];
+        validate::tree(&self.tree, total, self.primitives, BoxLeaves::HALF_LINES, leaf).map(|_| ())
+    }
+}
