@@ -11,6 +11,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("rayburst-math", &[]),
     ("rayburst-simd", &["rayburst-math"]),
     ("rayburst-accel", &["rayburst-math", "rayburst-simd"]),
+    ("rayburst-pipeline", &["rayburst-math", "rayburst-accel"]),
     ("rayburst-procedural", &["rayburst-math"]),
     ("rayburst-image", &["rayburst-math"]),
     ("rayburst-scene", &["rayburst-math", "rayburst-accel", "rayburst-image"]),

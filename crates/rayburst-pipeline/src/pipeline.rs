@@ -1,0 +1,232 @@
+//! A checked shader table, and running it.
+
+use std::collections::HashSet;
+
+use glam::UVec3;
+use rayburst_accel::{GeometryKind, Tlas};
+use rayon::prelude::*;
+
+use crate::{
+    DispatchError, PipelineError, RayGenerationId, ShaderTable,
+    call::{Call, Dispatch, Failure},
+    context::RayGeneration,
+    hit_group::HitRecord,
+    table::{CallableRecord, MissRecord, RayGenerationRecord, RayTypeInfo},
+};
+
+/// The deepest recursion that may be declared, as in DXR.
+pub const MAX_RECURSION_DEPTH: u32 = 31;
+/// The most launches of a dispatch, as in DXR.
+pub const MAX_LAUNCHES: u64 = 1 << 30;
+/// Contributions and multipliers of ray types have four bits.
+const MAX_CONTRIBUTION: u32 = 0xF;
+const MAX_MISS: u32 = 0xFFFF;
+/// Ids and contributions of instances have 24 bits.
+const MAX_OF_INSTANCE: u32 = 0xFF_FFFF;
+/// Launches are run in tiles of so many by so many.
+const TILE: u32 = 8;
+
+/// Shaders that fit together, ready to be run over structures (DXR's state object and shader table).
+///
+/// Made by [`ShaderTable::build`].
+pub struct Pipeline<'s> {
+    pub(crate) ray_types: Vec<RayTypeInfo>,
+    pub(crate) ray_generations: Vec<RayGenerationRecord<'s>>,
+    pub(crate) misses: Vec<Option<MissRecord<'s>>>,
+    pub(crate) hits: Vec<Option<Box<dyn HitRecord + 's>>>,
+    pub(crate) callables: Vec<CallableRecord<'s>>,
+    pub(crate) max_recursion_depth: u32,
+    /// Whether any group has the shader.
+    pub(crate) has_any_hit: bool,
+    pub(crate) has_intersection: bool,
+}
+
+fn name_of(kind: GeometryKind) -> &'static str {
+    match kind {
+        GeometryKind::Triangles => "triangles",
+        GeometryKind::Procedural => "procedural primitives",
+    }
+}
+
+impl<'s> Pipeline<'s> {
+    pub(crate) fn new(
+        table: ShaderTable<'s>,
+        max_recursion_depth: u32,
+    ) -> Result<Self, PipelineError> {
+        if max_recursion_depth > MAX_RECURSION_DEPTH {
+            let (depth, limit) = (max_recursion_depth, MAX_RECURSION_DEPTH);
+            return Err(PipelineError::RecursionDepth { depth, limit });
+        }
+        let hits = || table.hits.iter().flatten();
+        let has_any_hit = hits().any(|record| record.has_any_hit());
+        let has_intersection = hits().any(|record| record.kind() == GeometryKind::Procedural);
+        let ShaderTable { ray_types, ray_generations, misses, hits, callables } = table;
+        for ray_type in &ray_types {
+            check_ray_type(ray_type, &misses)?;
+        }
+        Ok(Self {
+            ray_types,
+            ray_generations,
+            misses,
+            hits,
+            callables,
+            max_recursion_depth,
+            has_any_hit,
+            has_intersection,
+        })
+    }
+
+    /// Whether every record that a ray can find in a structure is there and fits: its payload is the ray
+    /// type's, and its group is for what the geometry consists of. Every dispatch checks.
+    pub fn check(&self, tlas: &Tlas) -> Result<(), PipelineError> {
+        let mut seen = HashSet::new();
+        for (instance, number) in tlas.instances().iter().zip(0..) {
+            for (what, value) in [("id", instance.id), ("contribution", instance.contribution)] {
+                if value > MAX_OF_INSTANCE {
+                    let limit = MAX_OF_INSTANCE;
+                    return Err(PipelineError::InstanceTooLarge {
+                        instance: number,
+                        what,
+                        value,
+                        limit,
+                    });
+                }
+            }
+            if !seen.insert((instance.blas, instance.contribution)) {
+                continue;
+            }
+            let Some(blas) = tlas.blases().get(instance.blas as usize) else { continue };
+            for (info, geometry) in blas.geometries().iter().zip(0..) {
+                for ray_type in &self.ray_types {
+                    let index = ray_type.record(instance.contribution, geometry);
+                    self.check_hit(ray_type, number, geometry, info.kind, index)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn check_hit(
+        &self,
+        ray_type: &RayTypeInfo,
+        instance: u32,
+        geometry: u32,
+        kind: GeometryKind,
+        index: u64,
+    ) -> Result<(), PipelineError> {
+        let name = || ray_type.name.clone();
+        let Some(record) = self.hits.get(index as usize) else {
+            let (ray_type, records) = (name(), self.hits.len());
+            return Err(PipelineError::NoHitRecord {
+                ray_type,
+                instance,
+                geometry,
+                index,
+                records,
+            });
+        };
+        let Some(record) = record else { return Ok(()) };
+        let group = record.group().to_owned();
+        if record.kind() != kind {
+            let constructor = match kind {
+                GeometryKind::Triangles => "triangles",
+                GeometryKind::Procedural => "procedural",
+            };
+            return Err(PipelineError::HitKind {
+                ray_type: name(),
+                instance,
+                geometry,
+                index,
+                group,
+                expected: name_of(kind),
+                found: name_of(record.kind()),
+                constructor,
+            });
+        }
+        if record.payload().0 != ray_type.payload.0 {
+            return Err(PipelineError::HitPayload {
+                ray_type: name(),
+                instance,
+                geometry,
+                index,
+                group,
+                expected: ray_type.payload.1,
+                found: record.payload().1,
+            });
+        }
+        Ok(())
+    }
+
+    /// Runs a ray generation shader once for every index of a grid of `width × height × depth`, on the
+    /// current thread pool, in no particular order; rays are traced in `tlas` (DXR's `DispatchRays`).
+    ///
+    /// If a launch fails, the others run to the end all the same, and the error is that of the first
+    /// launch that failed, in the order of rows.
+    pub fn dispatch_rays(
+        &self,
+        tlas: &Tlas,
+        shader: RayGenerationId,
+        width: u32,
+        height: u32,
+        depth: u32,
+    ) -> Result<(), DispatchError> {
+        let index = shader.index;
+        let Some(record) = self.ray_generations.get(index as usize) else {
+            return Err(DispatchError::NoRayGeneration { index });
+        };
+        let launches =
+            u64::from(width).saturating_mul(u64::from(height)).saturating_mul(u64::from(depth));
+        if launches > MAX_LAUNCHES {
+            return Err(DispatchError::TooManyLaunches { launches, limit: MAX_LAUNCHES });
+        }
+        self.check(tlas)?;
+        let dimensions = UVec3::new(width, height, depth);
+        let dispatch = Dispatch { pipeline: self, tlas, dimensions, failure: Failure::default() };
+        let (columns, rows) = (width.div_ceil(TILE), height.div_ceil(TILE));
+        let tiles = u64::from(columns) * u64::from(rows) * u64::from(depth);
+        (0..tiles).into_par_iter().for_each(|tile| {
+            let (column, row) = (tile % u64::from(columns), tile / u64::from(columns));
+            let (row, z) = ((row % u64::from(rows)) as u32, (row / u64::from(rows)) as u32);
+            let (left, top) = (column as u32 * TILE, row * TILE);
+            for y in top..height.min(top + TILE) {
+                for x in left..width.min(left + TILE) {
+                    let launch_index = UVec3::new(x, y, z);
+                    let call =
+                        Call { dispatch: &dispatch, launch_index, depth: 0, callable_depth: 0 };
+                    (record.run)(&RayGeneration { call });
+                }
+            }
+        });
+        dispatch.failure.into_result()
+    }
+}
+
+fn check_ray_type(
+    ray_type: &RayTypeInfo,
+    misses: &[Option<MissRecord<'_>>],
+) -> Result<(), PipelineError> {
+    let name = || ray_type.name.clone();
+    for (what, value, limit) in [
+        ("contribution", ray_type.contribution, MAX_CONTRIBUTION),
+        ("multiplier", ray_type.multiplier, MAX_CONTRIBUTION),
+        ("miss index", ray_type.miss, MAX_MISS),
+    ] {
+        if value > limit {
+            return Err(PipelineError::TooLarge { ray_type: name(), what, value, limit });
+        }
+    }
+    let index = ray_type.miss;
+    match misses.get(index as usize) {
+        None => Err(PipelineError::NoMissRecord { ray_type: name(), index, records: misses.len() }),
+        Some(Some(miss)) if miss.payload.0 != ray_type.payload.0 => {
+            Err(PipelineError::MissPayload {
+                ray_type: name(),
+                index,
+                shader: miss.name.clone(),
+                expected: ray_type.payload.1,
+                found: miss.payload.1,
+            })
+        }
+        Some(_) => Ok(()),
+    }
+}

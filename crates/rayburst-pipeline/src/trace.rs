@@ -1,0 +1,158 @@
+//! `TraceRay`: from a ray to the shaders that run.
+
+use std::{
+    any::Any,
+    cell::{Cell, RefCell},
+};
+
+use rayburst_accel::{AcceptAll, CandidateFilter, RayFlags};
+use rayburst_math::{Hit, Ray};
+
+use crate::{
+    AnyHitResult, DispatchError,
+    call::{Call, TracedRay},
+    context::Miss,
+    hit_group::HitRecord,
+    procedural,
+    table::RayTypeInfo,
+};
+
+/// What the search for a hit knows.
+pub(crate) struct Search<'a> {
+    pub(crate) call: Call<'a>,
+    pub(crate) ray: &'a TracedRay,
+    pub(crate) ray_type: &'a RayTypeInfo,
+}
+
+impl<'a> Search<'a> {
+    /// The hit group of a geometry of an instance, by DXR's formula.
+    #[inline]
+    pub(crate) fn record(&self, instance: u32, geometry: u32) -> Option<&'a (dyn HitRecord + 'a)> {
+        let contribution = self.call.dispatch.tlas.instances()[instance as usize].contribution;
+        let index = self.ray_type.record(contribution, geometry);
+        self.call.dispatch.pipeline.hits.get(index as usize)?.as_deref()
+    }
+}
+
+/// Asks any hit shaders about candidates.
+struct AnyHitFilter<'a, 'p> {
+    search: &'a Search<'a>,
+    payload: RefCell<&'p mut dyn Any>,
+    ends: Cell<bool>,
+    /// Candidates of geometry that must not ask twice, where that could happen.
+    asked: RefCell<Vec<[u32; 3]>>,
+}
+
+impl AnyHitFilter<'_, '_> {
+    /// Whether a candidate was asked about before and must not be again.
+    fn is_repeated(&self, candidate: &Hit) -> bool {
+        let tlas = self.search.call.dispatch.tlas;
+        let instance = &tlas.instances()[candidate.instance as usize];
+        let blas = &tlas.blases()[instance.blas as usize];
+        if !blas.may_ask_twice()
+            || !blas.geometries()[candidate.geometry as usize].no_duplicate_any_hit
+        {
+            return false;
+        }
+        let key = [candidate.instance, candidate.geometry, candidate.primitive];
+        let mut asked = self.asked.borrow_mut();
+        let repeated = asked.contains(&key);
+        if !repeated {
+            asked.push(key);
+        }
+        repeated
+    }
+}
+
+impl CandidateFilter for AnyHitFilter<'_, '_> {
+    const ENDS: bool = true;
+
+    fn accept(&self, _: u32, _: &Ray, candidate: &Hit) -> bool {
+        let record = self.search.record(candidate.instance, candidate.geometry);
+        let Some(record) = record.filter(|record| record.has_any_hit()) else {
+            return true;
+        };
+        // What was accepted before has shortened the interval: only what was ignored comes again.
+        if self.is_repeated(candidate) {
+            return false;
+        }
+        let mut payload = self.payload.borrow_mut();
+        let words = procedural::barycentrics(candidate);
+        let result =
+            record.any_hit(&self.search.call, self.search.ray, candidate, &words, &mut **payload);
+        self.ends.set(result == AnyHitResult::AcceptAndEndSearch);
+        result != AnyHitResult::Ignore
+    }
+
+    fn ends(&self) -> bool {
+        self.ends.get()
+    }
+}
+
+/// Traces a ray and runs its shaders.
+pub(crate) fn trace_ray(
+    call: &Call<'_>,
+    ray_type: u32,
+    flags: RayFlags,
+    mask: u8,
+    ray: &Ray,
+    payload: &mut dyn Any,
+) {
+    let pipeline = call.dispatch.pipeline;
+    if call.remaining_depth() == 0 {
+        let limit = pipeline.max_recursion_depth;
+        return call.fail(|launch| DispatchError::RecursionDepth { launch, limit });
+    }
+    let Some(ray_type) = pipeline.ray_types.get(ray_type as usize) else {
+        return call.fail(|launch| DispatchError::OtherPipeline { launch });
+    };
+    let call = Call { depth: call.depth + 1, ..*call };
+    let traced = TracedRay { ray: *ray, flags };
+    let search = Search { call, ray: &traced, ray_type };
+    let (mut hit, ended) = find_triangle(&search, mask, payload);
+    let mut words = procedural::barycentrics(&hit);
+    if !ended
+        && pipeline.has_intersection
+        && let Some((nearer, attributes)) = procedural::find(&search, mask, &hit, payload)
+    {
+        (hit, words) = (nearer, attributes);
+    }
+    if hit.is_hit() {
+        if !flags.contains(RayFlags::SKIP_CLOSEST_HIT_SHADER)
+            && let Some(record) = search.record(hit.instance, hit.geometry)
+        {
+            record.closest_hit(&call, &traced, &hit, &words, payload);
+        }
+    } else if let Some(Some(miss)) = pipeline.misses.get(ray_type.miss as usize) {
+        (miss.run)(&Miss { call, ray: &traced }, payload);
+    }
+}
+
+/// The triangle that a ray stops at, and whether that ends the search.
+fn find_triangle(search: &Search<'_>, mask: u8, payload: &mut dyn Any) -> (Hit, bool) {
+    let (tlas, ray) = (search.call.dispatch.tlas, &search.ray.ray);
+    let options = search.ray.flags.options(mask);
+    // DXR's interval is open for triangles.
+    let ray = Ray { t_min: ray.t_min.next_up(), t_max: ray.t_max.next_down(), ..*ray };
+    let first = search.ray.flags.contains(RayFlags::ACCEPT_FIRST_HIT_AND_END_SEARCH);
+    if !search.call.dispatch.pipeline.has_any_hit {
+        return if first {
+            let hit = tlas.first_hit(&ray, &options, &AcceptAll);
+            (hit, hit.is_hit())
+        } else {
+            (tlas.closest_hit(&ray, &options, &AcceptAll), false)
+        };
+    }
+    let filter = AnyHitFilter {
+        search,
+        payload: RefCell::new(payload),
+        ends: Cell::new(false),
+        asked: RefCell::new(Vec::new()),
+    };
+    if first {
+        let hit = tlas.first_hit(&ray, &options, &filter);
+        (hit, hit.is_hit())
+    } else {
+        (tlas.closest_hit(&ray, &options, &filter), filter.ends.get())
+    }
+}
