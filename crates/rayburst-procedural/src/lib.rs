@@ -7,6 +7,11 @@
 //! ([`rayburst_math::Ray::is_valid`]) hit nothing.
 #![forbid(unsafe_code)]
 
+pub mod fractal;
+pub mod height_field;
+mod segment;
 mod shape;
 
+pub use fractal::Landscape;
+pub use height_field::{HeightField, HeightFieldError};
 pub use shape::{Shape, ShapeHit};

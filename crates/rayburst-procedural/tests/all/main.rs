@@ -1,0 +1,5 @@
+//! Shapes against independent references in `f64`.
+
+mod check;
+mod height_field;
+mod rays;
