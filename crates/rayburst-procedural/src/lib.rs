@@ -7,11 +7,17 @@
 //! ([`rayburst_math::Ray::is_valid`]) hit nothing.
 #![forbid(unsafe_code)]
 
+mod bernstein;
+pub mod distance_field;
 pub mod fractal;
 pub mod height_field;
+pub mod metaballs;
+mod root;
 mod segment;
 mod shape;
 
+pub use distance_field::{DistanceField, DistanceFieldError};
 pub use fractal::Landscape;
 pub use height_field::{HeightField, HeightFieldError};
+pub use metaballs::{Metaball, Metaballs, MetaballsError};
 pub use shape::{Shape, ShapeHit};

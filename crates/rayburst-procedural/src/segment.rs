@@ -52,9 +52,19 @@ impl Segment {
         })
     }
 
+    pub(crate) fn at(&self, s: f64) -> DVec3 {
+        self.origin + s * self.direction
+    }
+
     /// The hit at `s`. Rounding never leaves the ray's interval and never swaps two hits.
     pub(crate) fn hit(&self, s: f64, normal: DVec3, uv: Vec2) -> ShapeHit {
         let t = (self.start + s * self.t_a_length) as f32;
         ShapeHit { t: t.clamp(self.t_min, self.t_max), normal: normal.as_vec3(), uv }
     }
+}
+
+/// A box grown by what rounding to `f32` may have moved what is in it.
+pub(crate) fn padded(lower: DVec3, upper: DVec3) -> (DVec3, DVec3) {
+    let pad = 1e-6 * lower.abs().max(upper.abs()) + DVec3::splat(f64::from(f32::MIN_POSITIVE));
+    (lower - pad, upper + pad)
 }
