@@ -15,9 +15,11 @@ pub mod metaballs;
 mod root;
 mod segment;
 mod shape;
+pub mod subdivision;
 
 pub use distance_field::{DistanceField, DistanceFieldError};
 pub use fractal::Landscape;
 pub use height_field::{HeightField, HeightFieldError};
 pub use metaballs::{Metaball, Metaballs, MetaballsError};
 pub use shape::{Shape, ShapeHit};
+pub use subdivision::{CageError, Subdivision};

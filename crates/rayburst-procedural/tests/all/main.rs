@@ -7,3 +7,4 @@ mod metaballs;
 mod numeric;
 mod polynomial;
 mod rays;
+mod subdivision;
