@@ -25,6 +25,36 @@ pub(crate) fn value<const N: usize>(mut b: [f64; N], x: f64) -> f64 {
     b[0]
 }
 
+const fn binomial(n: usize, k: usize) -> f64 {
+    let (mut value, mut i) = (1.0, 0);
+    while i < k {
+        value = value * (n - i) as f64 / (i + 1) as f64;
+        i += 1;
+    }
+    value
+}
+
+/// The product of two polynomials; it has one coefficient fewer than both together.
+pub(crate) fn product<const A: usize, const B: usize, const C: usize>(
+    a: &[f64; A],
+    b: &[f64; B],
+) -> [f64; C] {
+    const { assert!(A + B == C + 1) };
+    let mut sums = [0.0; C];
+    for i in 0..A {
+        for j in 0..B {
+            sums[i + j] += binomial(A - 1, i) * a[i] * (binomial(B - 1, j) * b[j]);
+        }
+    }
+    std::array::from_fn(|k| sums[k] / binomial(C - 1, k))
+}
+
+/// The derivative; it has one coefficient fewer.
+pub(crate) fn derivative<const A: usize, const B: usize>(a: &[f64; A]) -> [f64; B] {
+    const { assert!(A == B + 1) };
+    std::array::from_fn(|i| (A - 1) as f64 * (a[i + 1] - a[i]))
+}
+
 /// The coefficients of both halves.
 fn halves<const N: usize>(b: &[f64; N]) -> ([f64; N], [f64; N]) {
     let (mut left, mut right) = (*b, *b);
@@ -93,7 +123,7 @@ fn isolate<const N: usize>(
 
 #[cfg(test)]
 mod tests {
-    use super::{value, zeros};
+    use super::{derivative, product, value, zeros};
     use std::ops::ControlFlow;
 
     /// Bernstein coefficients of the product of (x - root).
@@ -107,8 +137,7 @@ mod tests {
             }
             scaled = next;
         }
-        let binomial = [1.0, 4.0, 6.0, 4.0, 1.0];
-        std::array::from_fn(|i| scaled[i] / binomial[i])
+        std::array::from_fn(|i| scaled[i] / super::binomial(4, i))
     }
 
     fn found(b: [f64; 5]) -> Vec<f64> {
@@ -141,6 +170,18 @@ mod tests {
             for x in found {
                 assert!(value(b, x).abs() < 1e-15);
             }
+        }
+    }
+
+    #[test]
+    fn products_and_derivatives() {
+        let (a, b) = ([0.3, -1.0, 2.0, 0.7], [1.5, 0.2, -0.4]);
+        let ab: [f64; 6] = product(&a, &b);
+        let da: [f64; 3] = derivative(&a);
+        for x in [0.0, 0.3, 0.5, 0.9, 1.0] {
+            assert!((value(ab, x) - value(a, x) * value(b, x)).abs() < 1e-14);
+            let difference = (value(a, x + 1e-5) - value(a, x - 1e-5)) / 2e-5;
+            assert!((value(da, x) - difference).abs() < 1e-8);
         }
     }
 

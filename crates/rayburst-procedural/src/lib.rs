@@ -8,6 +8,7 @@
 #![forbid(unsafe_code)]
 
 mod bernstein;
+pub mod curve;
 pub mod distance_field;
 pub mod fractal;
 pub mod height_field;
@@ -17,6 +18,7 @@ mod segment;
 mod shape;
 pub mod subdivision;
 
+pub use curve::{Curve, CurveError};
 pub use distance_field::{DistanceField, DistanceFieldError};
 pub use fractal::Landscape;
 pub use height_field::{HeightField, HeightFieldError};

@@ -27,7 +27,7 @@ pub(super) struct Found {
 const BORDER: f64 = 1e-9;
 /// Parts of a patch get no smaller along either side.
 const SMALLEST: f64 = 1.0 / (1u64 << 26) as f64;
-/// No more parts are looked at in a patch.
+/// No more parts of a patch are halved.
 const PARTS: usize = 4096;
 /// Halvings that may wait at once: all of one path.
 const STACK: usize = 56;
@@ -52,38 +52,49 @@ pub(super) fn intersect(
         let p = p - segment.origin;
         DVec3::new(p.dot(x), p.dot(y), p.dot(segment.direction))
     });
-    let empty = Part { points: [DVec3::ZERO; 16], from: DVec2::ZERO, size: DVec2::ZERO };
-    let mut stack = [empty; STACK];
-    stack[0] = Part { points: local, from: DVec2::ZERO, size: DVec2::ONE };
-    let mut count = 1;
+    let whole = Part { points: local, from: DVec2::ZERO, size: DVec2::ONE };
     let limit = limit.min(segment.length);
+    let mut report = |part: &Part, at: DVec2| {
+        let place = (part.from + at * part.size).clamp(DVec2::ZERO, DVec2::ONE);
+        let (point, along, across) = evaluate(&local, place.x, place.y);
+        if (0.0..=limit).contains(&point.z) {
+            let front = along.cross(across).z < 0.0;
+            found(Found { s: point.z, u: place.x, v: place.y, patch: 0, front });
+        }
+    };
+    // Most patches are decided as a whole, without the large stack.
+    match whole.zero(limit) {
+        Zero::None => {}
+        Zero::At(at) => report(&whole, at),
+        Zero::Unknown(side) => search(&whole, side, limit, &mut report),
+    }
+}
+
+#[inline(never)]
+fn search(whole: &Part, side: usize, limit: f64, report: &mut dyn FnMut(&Part, DVec2)) {
+    let mut stack = [*whole; STACK];
+    let mut count = 0;
+    let (mut part, mut side) = (*whole, side);
     for _ in 0..PARTS {
-        if count == 0 {
-            return;
+        if let Some(halves) = part.halves(side)
+            && count + 2 <= STACK
+        {
+            stack[count] = halves[0];
+            stack[count + 1] = halves[1];
+            count += 2;
         }
-        count -= 1;
-        let part = stack[count];
-        if part.misses(limit) {
-            continue;
-        }
-        match part.zero() {
-            Zero::None => {}
-            Zero::At(u, v) => {
-                let place = part.from + DVec2::new(u, v) * part.size;
-                let (u, v) = (place.x.clamp(0.0, 1.0), place.y.clamp(0.0, 1.0));
-                let (point, along, across) = evaluate(&local, u, v);
-                if (0.0..=limit).contains(&point.z) {
-                    let front = along.cross(across).z < 0.0;
-                    found(Found { s: point.z, u, v, patch: 0, front });
-                }
+        loop {
+            if count == 0 {
+                return;
             }
-            Zero::Unknown(side) => {
-                if count + 2 <= STACK
-                    && let Some(halves) = part.halves(side)
-                {
-                    stack[count] = halves[0];
-                    stack[count + 1] = halves[1];
-                    count += 2;
+            count -= 1;
+            part = stack[count];
+            match part.zero(limit) {
+                Zero::None => {}
+                Zero::At(at) => report(&part, at),
+                Zero::Unknown(next) => {
+                    side = next;
+                    break;
                 }
             }
         }
@@ -94,7 +105,7 @@ pub(super) fn intersect(
 enum Zero {
     None,
     /// The only one, in the part's own coordinates; may be a little beyond its borders.
-    At(f64, f64),
+    At(DVec2),
     /// Nothing; to be halved along u (0) or v (1).
     Unknown(usize),
 }
@@ -118,7 +129,10 @@ impl Part {
             || lower.z > limit
     }
 
-    fn zero(&self) -> Zero {
+    fn zero(&self, limit: f64) -> Zero {
+        if self.misses(limit) {
+            return Zero::None;
+        }
         let p: [DVec2; 16] = self.points.map(|p| DVec2::new(p.x, p.y));
         let along = 0.5 * (p[3] - p[0] + p[15] - p[12]);
         let across = 0.5 * (p[12] - p[0] + p[15] - p[3]);
@@ -150,7 +164,7 @@ impl Part {
                 if (at + slack * 0.5).min_element() >= 0.0
                     && (at - slack * 0.5).max_element() <= 1.0 =>
             {
-                Zero::At(at.x, at.y)
+                Zero::At(at)
             }
             _ => Zero::Unknown(longer),
         }

@@ -1,6 +1,7 @@
 //! Shapes against independent references in `f64`.
 
 mod check;
+mod curve;
 mod distance_field;
 mod height_field;
 mod metaballs;
