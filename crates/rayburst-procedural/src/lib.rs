@@ -7,6 +7,21 @@
 //! ([`rayburst_math::Ray::is_valid`]) hit nothing.
 #![forbid(unsafe_code)]
 
+mod bernstein;
+pub mod curve;
+pub mod distance_field;
+pub mod fractal;
+pub mod height_field;
+pub mod metaballs;
+mod root;
+mod segment;
 mod shape;
+pub mod subdivision;
 
+pub use curve::{Curve, CurveError};
+pub use distance_field::{DistanceField, DistanceFieldError};
+pub use fractal::Landscape;
+pub use height_field::{HeightField, HeightFieldError};
+pub use metaballs::{Metaball, Metaballs, MetaballsError};
 pub use shape::{Shape, ShapeHit};
+pub use subdivision::{CageError, Subdivision};
