@@ -7,21 +7,20 @@
 //! rotations). Traversal widens the instances' boxes by `8ε` times that, so an instance that the
 //! transformed ray hits is never skipped.
 
+mod placements;
+mod update;
+
 use std::{ops::ControlFlow, sync::Arc, time::Instant};
 
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
 use rayburst_math::{Aabb, Hit, Ray};
 use rayburst_simd::{Isa, IsaLevel};
-use rayon::prelude::*;
 
+use self::placements::Placements;
 use crate::{
     Blas, BuildError, BuildOptions, BuildStats, BvhDefect, CandidateFilter, Instance,
     InstanceFlags, TraceOptions, ValidationReport,
-    build::{
-        binned_sah::{BinnedSah, MAX_DEPTH},
-        monitor::Monitor,
-        primitives::{MAX_PRIMITIVES, PrimitiveRef, is_traceable},
-    },
+    build::primitives::is_traceable,
     layout::{
         bvh8::{Bvh8, Leaves},
         view::TreeView,
@@ -95,54 +94,11 @@ impl Tlas {
     ) -> Result<Self, BuildError> {
         let begin = Instant::now();
         let isa = options.resolve_isa()?;
-        if instances.len() > MAX_PRIMITIVES {
-            let (count, limit) = (instances.len(), MAX_PRIMITIVES);
-            return Err(BuildError::TooMany { what: "instances", count, limit });
-        }
-        let unknown = |instance: &Instance| instance.blas as usize >= blases.len();
-        if let Some(index) = instances.iter().position(unknown) {
-            return Err(BuildError::NoSuchBlas {
-                instance: index as u32,
-                blas: instances[index].blas,
-                blases: blases.len(),
-            });
-        }
-        let placements: Vec<Placement> = instances
-            .par_iter()
-            .with_min_len(256)
-            .map(|instance| place(instance, &blases[instance.blas as usize]))
-            .collect();
-        let placed = || placements.iter().enumerate().filter(|(_, p)| !p.bounds.is_empty());
-        let refs: Vec<PrimitiveRef> =
-            placed().map(|(i, p)| PrimitiveRef::new(&p.bounds, i as u32)).collect();
-        let condition = placed().map(|(_, p)| p.condition).fold(1.0, f32::max);
-        let translation = placed()
-            .map(|(i, _)| Vec3::from(instances[i].transform.translation).abs().max_element())
-            .fold(0.0, f32::max);
-
-        let primitives = refs.len();
-        let sole = refs.first().filter(|_| primitives == 1).map(PrimitiveRef::index);
-        let monitor = Monitor::default();
-        let binary = BinnedSah { bins: 16, leaf_size: 1, max_depth: MAX_DEPTH, monitor };
-        let binary = binary.build(refs)?;
-        let tree = Bvh8::collapse(&binary, &InstanceLeaves)?;
-        let bounds = tree.bounds;
-        let corner = if bounds.is_empty() {
-            0.0
-        } else {
-            bounds.lower.abs().max(bounds.upper.abs()).max_element()
-        };
-        let placed: Vec<_> = placements
-            .iter()
-            .zip(instances)
-            .map(|(placement, instance)| Placed {
-                inverse: placement.inverse,
-                blas: instance.blas,
-                mask: instance.mask,
-                flags: instance.flags,
-                identity: instance.transform == Affine3A::IDENTITY,
-            })
-            .collect();
+        placements::check(&blases, instances)?;
+        let mut placed = Vec::new();
+        let placements = Placements::new(&blases, instances, &mut placed);
+        let tree = placements.tree(options)?;
+        let primitives = placements.active();
         let stats = BuildStats {
             primitives,
             inactive: instances.len() - primitives,
@@ -155,13 +111,13 @@ impl Tlas {
             seconds: begin.elapsed().as_secs_f64(),
         };
         Ok(Self {
+            sole: placements.sole(),
+            condition: placements.condition(),
+            reach: placements.reach(&tree.bounds),
             tree,
             blases,
             instances: instances.to_vec(),
             placed,
-            sole,
-            condition,
-            reach: corner.max(translation),
             stats,
             isa,
         })
@@ -260,7 +216,9 @@ impl Tlas {
             InstanceLeaves::HALF_LINES,
             |value| {
                 let instance = &self.instances[value as usize];
-                vec![(value, place(instance, &self.blases[instance.blas as usize]).bounds)]
+                let bounds = place(instance, &self.blases[instance.blas as usize]).bounds;
+                // Empty after an update to where it cannot be hit.
+                if bounds.is_empty() { vec![] } else { vec![(value, bounds)] }
             },
         )
     }

@@ -16,4 +16,5 @@ mod refit_changed;
 mod rules;
 mod small;
 mod splits;
+mod update;
 mod watertight;
