@@ -17,4 +17,5 @@ mod rules;
 mod small;
 mod splits;
 mod update;
+mod update_policy;
 mod watertight;
