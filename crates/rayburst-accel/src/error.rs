@@ -88,6 +88,35 @@ pub enum BuildError {
         /// Which triangle of it.
         primitive: u32,
     },
+    /// An update with another number of instances than the structure was built from.
+    #[error("update with {given} instances, but the structure was built from {built}; rebuild it")]
+    InstancesDiffer {
+        /// How many it was built from.
+        built: usize,
+        /// How many were given.
+        given: usize,
+    },
+    /// An update that gives an instance another BLAS.
+    #[error(
+        "update of instance {instance} to BLAS {given}, but the structure was built with its BLAS \
+         {built}; rebuild it"
+    )]
+    OtherBlas {
+        /// Which instance.
+        instance: u32,
+        /// The BLAS it was built with.
+        built: u32,
+        /// The BLAS it names now.
+        given: u32,
+    },
+    /// An update would have to add an instance.
+    #[error(
+        "instance {instance} can be hit now, but could not when the structure was built; rebuild it"
+    )]
+    InstanceReappeared {
+        /// Which instance.
+        instance: u32,
+    },
     /// A refit of a compressed structure.
     #[error(
         "a compressed structure cannot be refitted; rebuild it, or build it in the wide layout"

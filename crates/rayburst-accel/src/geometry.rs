@@ -139,7 +139,7 @@ pub struct InstanceFlags {
 /// A BLAS placed in the world.
 #[derive(Clone, Copy, Debug)]
 pub struct Instance {
-    /// Index of the BLAS.
+    /// Index of the BLAS, or [`Instance::NO_BLAS`].
     pub blas: u32,
     /// From the BLAS' space to the world; may shear, mirror and scale non-uniformly. An instance
     /// whose transform has no inverse is never hit.
@@ -156,6 +156,9 @@ pub struct Instance {
 }
 
 impl Instance {
+    /// In place of a BLAS's index: the instance is never hit (DXR's null structure).
+    pub const NO_BLAS: u32 = u32::MAX;
+
     /// An instance that every ray visits.
     pub fn new(blas: u32, transform: Affine3A) -> Self {
         Self {

@@ -4,6 +4,7 @@
 //! transforms. Both answer *closest hit*, *any hit*, *all hits* and *nearest hits* (the first few of
 //! all), for one ray or for a batch: batches are the normal case, plain slices without an allocation
 //! per ray, run on the calling thread. This crate knows no material: alpha comes in as a [`CandidateFilter`].
+//! What moves is refitted ([`Blas::refit`], [`Tlas::update`]) or built anew; [`MovingBlas`] chooses.
 //!
 //! What holds for every structure, instruction set and mode:
 //! - Hits have `t_min ≤ t ≤ t_max`; `t` is in units of the ray's direction, through instances too.
@@ -30,6 +31,7 @@ mod refit;
 mod structure;
 mod tlas;
 mod traverse;
+mod update;
 mod validate;
 
 pub use blas::Blas;
@@ -48,4 +50,5 @@ pub use ray_flags::RayFlags;
 pub use rayburst_simd::IsaLevel;
 pub use refit::RefitReport;
 pub use tlas::Tlas;
+pub use update::{MovingBlas, RebuildReason, UpdateAction, UpdatePolicy, UpdateReport};
 pub use validate::{BvhDefect, ValidationReport};

@@ -7,21 +7,20 @@
 //! rotations). Traversal widens the instances' boxes by `8ε` times that, so an instance that the
 //! transformed ray hits is never skipped.
 
+pub(crate) mod placements;
+mod update;
+
 use std::{ops::ControlFlow, sync::Arc, time::Instant};
 
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
 use rayburst_math::{Aabb, Hit, Ray};
 use rayburst_simd::{Isa, IsaLevel};
-use rayon::prelude::*;
 
+use self::placements::Placements;
 use crate::{
     Blas, BuildError, BuildOptions, BuildStats, BvhDefect, CandidateFilter, Instance,
     InstanceFlags, TraceOptions, ValidationReport,
-    build::{
-        binned_sah::{BinnedSah, MAX_DEPTH},
-        monitor::Monitor,
-        primitives::{MAX_PRIMITIVES, PrimitiveRef, is_traceable},
-    },
+    build::primitives::is_traceable,
     layout::{
         bvh8::{Bvh8, Leaves},
         view::TreeView,
@@ -59,7 +58,7 @@ pub struct Tlas {
 
 /// What a ray needs to know of an instance.
 #[derive(Clone, Copy, Debug)]
-struct Placed {
+pub(crate) struct Placed {
     inverse: Affine3A,
     blas: u32,
     mask: u8,
@@ -98,55 +97,12 @@ impl Tlas {
     ) -> Result<Self, BuildError> {
         let begin = Instant::now();
         let isa = options.resolve_isa()?;
-        if instances.len() > MAX_PRIMITIVES {
-            let (count, limit) = (instances.len(), MAX_PRIMITIVES);
-            return Err(BuildError::TooMany { what: "instances", count, limit });
-        }
-        let unknown = |instance: &Instance| instance.blas as usize >= blases.len();
-        if let Some(index) = instances.iter().position(unknown) {
-            return Err(BuildError::NoSuchBlas {
-                instance: index as u32,
-                blas: instances[index].blas,
-                blases: blases.len(),
-            });
-        }
-        let placements: Vec<Placement> = instances
-            .par_iter()
-            .with_min_len(256)
-            .map(|instance| place(instance, &blases[instance.blas as usize].triangle_bounds()))
-            .collect();
-        let placed = || placements.iter().enumerate().filter(|(_, p)| !p.bounds.is_empty());
-        let refs: Vec<PrimitiveRef> =
-            placed().map(|(i, p)| PrimitiveRef::new(&p.bounds, i as u32)).collect();
-        let condition = placed().map(|(_, p)| p.condition).fold(1.0, f32::max);
-        let translation = placed()
-            .map(|(i, _)| Vec3::from(instances[i].transform.translation).abs().max_element())
-            .fold(0.0, f32::max);
-
-        let primitives = refs.len();
-        let sole = refs.first().filter(|_| primitives == 1).map(PrimitiveRef::index);
-        let monitor = Monitor::default();
-        let binary = BinnedSah { bins: 16, leaf_size: 1, max_depth: MAX_DEPTH, monitor };
-        let binary = binary.build(refs)?;
-        let tree = Bvh8::collapse(&binary, &InstanceLeaves)?;
-        let bounds = tree.bounds;
-        let corner = if bounds.is_empty() {
-            0.0
-        } else {
-            bounds.lower.abs().max(bounds.upper.abs()).max_element()
-        };
-        let placed: Vec<_> = placements
-            .iter()
-            .zip(instances)
-            .map(|(placement, instance)| Placed {
-                inverse: placement.inverse,
-                blas: instance.blas,
-                mask: instance.mask,
-                flags: instance.flags,
-                identity: instance.transform == Affine3A::IDENTITY,
-            })
-            .collect();
-        let procedural = ProceduralTop::build(&blases, instances)?;
+        placements::check(&blases, instances)?;
+        let mut placed = Vec::new();
+        let placements = Placements::new(&blases, instances, Blas::triangle_bounds, &mut placed);
+        let tree = placements.tree(options)?;
+        let primitives = placements.active();
+        let procedural = ProceduralTop::build(&blases, instances, options)?;
         let stats = BuildStats {
             primitives,
             inactive: instances.len() - primitives,
@@ -162,13 +118,13 @@ impl Tlas {
             seconds: begin.elapsed().as_secs_f64(),
         };
         Ok(Self {
+            sole: placements.sole(),
+            condition: placements.condition(),
+            reach: placements.reach(&tree.bounds),
             tree,
             blases,
             instances: instances.to_vec(),
             placed,
-            sole,
-            condition,
-            reach: corner.max(translation),
             procedural: procedural.map(Box::new),
             stats,
             isa,
@@ -284,8 +240,9 @@ impl Tlas {
             InstanceLeaves::HALF_LINES,
             |value| {
                 let instance = &self.instances[value as usize];
-                let bounds = self.blases[instance.blas as usize].triangle_bounds();
-                vec![(value, place(instance, &bounds).bounds)]
+                let bounds = placed_bounds(instance, &self.blases, Blas::triangle_bounds);
+                // Empty after an update to where it cannot be hit.
+                if bounds.is_empty() { vec![] } else { vec![(value, bounds)] }
             },
         )
     }
@@ -299,6 +256,18 @@ pub(crate) fn slack(ray: &Ray, condition: f32, reach: f32) -> f32 {
     // Transforms may be as bad as `f32` goes, but offsets of planes must be finite: an infinite
     // one would meet the empty slots of nodes. This much holds every origin and every box.
     slack.min(MAX_SLACK)
+}
+
+/// The box in the world of what an instance holds, given what that is in its BLAS; empty if it cannot be
+/// hit.
+pub(crate) fn placed_bounds(
+    instance: &Instance,
+    blases: &[Arc<Blas>],
+    bounds_of: fn(&Blas) -> Aabb,
+) -> Aabb {
+    blases
+        .get(instance.blas as usize)
+        .map_or(Aabb::EMPTY, |blas| place(instance, &bounds_of(blas)).bounds)
 }
 
 /// The inverse of an instance's transform, the box in the world of what is in this one, and its κ.
@@ -317,12 +286,15 @@ pub(crate) fn place(instance: &Instance, object_bounds: &Aabb) -> Placement {
         to_object.matrix3.z_axis.as_vec3().into(),
         to_object.translation.as_vec3().into(),
     );
-    if object_bounds.is_empty() || !to_world.is_finite() || !inverse.is_finite() {
+    if !to_world.is_finite() || !inverse.is_finite() {
         return never;
+    }
+    if object_bounds.is_empty() {
+        return Placement { inverse, ..never };
     }
     let bounds = world_bounds(object_bounds, &to_world);
     if !is_traceable(&bounds) {
-        return never;
+        return Placement { inverse, ..never };
     }
     let product = abs(&to_world.matrix3) * abs(&to_object.matrix3);
     let rows = product * DVec3::ONE;

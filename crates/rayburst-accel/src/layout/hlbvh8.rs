@@ -44,9 +44,9 @@ const BARE_LEAVES: usize = 2;
 const FULL_LEAF: u32 = 1;
 
 /// A child of the nodes above: a cluster's node or leaf.
-struct Item {
-    bounds: Bounds,
-    reference: Reference,
+pub(super) struct Item {
+    pub(super) bounds: Bounds,
+    pub(super) reference: Reference,
 }
 
 /// What the clusters of a task became.
@@ -59,7 +59,7 @@ struct Written {
 }
 
 /// The nodes above clusters, parents first.
-struct Above<'a> {
+pub(super) struct Above<'a> {
     tree: &'a Bvh2,
     items: &'a [&'a Item],
     /// The children of each node in the binary tree, and the number of the first that is no item.
@@ -116,18 +116,14 @@ impl Bvh8 {
         let monitor = monitor.silent();
         let tree = BinnedSah { bins, leaf_size: 1, max_depth, monitor }.build(refs)?;
         monitor.check()?;
-        let mut above = Above { tree: &tree, items: &items, nodes: vec![], start };
-        let depth = above.number(&Collapse::new(&tree)?);
-        lines.resize(start + (above.nodes.len() - 1) * NODE_LINES, bytemuck::Zeroable::zeroed());
-        let (others, own) = lines.split_at_mut(start);
-        above.write(0, &mut others[..NODE_LINES]);
-        let own = own.par_chunks_exact_mut(NODE_LINES).with_min_len(256).enumerate();
-        own.for_each(|(number, lines)| above.write(number + 1, lines));
+        let (above, depth) = Above::new(&tree, &items, start)?;
+        lines.resize(above.end(), bytemuck::Zeroable::zeroed());
+        above.write_all(&mut lines);
         let bounds = tree.nodes[0].bounds;
         let area = above.area() + parts.iter().map(|part| part.area).sum::<f64>();
         let root = f64::from(bounds.half_area()).max(f64::MIN_POSITIVE);
         let shape = Shape {
-            nodes: above.nodes.len() + parts.iter().map(|part| part.nodes).sum::<usize>(),
+            nodes: above.nodes() + parts.iter().map(|part| part.nodes).sum::<usize>(),
             leaves: parts.iter().map(|part| part.leaves).sum(),
             depth,
             sah_cost: (area / root) as f32,
@@ -228,7 +224,37 @@ fn write_clusters(
     written
 }
 
-impl Above<'_> {
+impl<'a> Above<'a> {
+    /// The nodes of a tree over items, which start at some line but for the root, and the depth with
+    /// that of the clusters.
+    pub(super) fn new(
+        tree: &'a Bvh2,
+        items: &'a [&'a Item],
+        start: usize,
+    ) -> Result<(Self, usize), BuildError> {
+        let mut above = Self { tree, items, nodes: vec![], start };
+        let depth = above.number(&Collapse::new(tree)?);
+        Ok((above, depth))
+    }
+
+    /// How many they are, with the root.
+    pub(super) fn nodes(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// The line behind the last of them.
+    pub(super) fn end(&self) -> usize {
+        self.start + (self.nodes.len() - 1) * NODE_LINES
+    }
+
+    /// Writes all of them, given the lines of the whole tree.
+    pub(super) fn write_all(&self, lines: &mut [Line]) {
+        let (others, own) = lines.split_at_mut(self.start);
+        self.write(0, &mut others[..NODE_LINES]);
+        let own = own.par_chunks_exact_mut(NODE_LINES).with_min_len(256).enumerate();
+        own.for_each(|(number, lines)| self.write(number + 1, lines));
+    }
+
     /// Numbers all nodes level by level; returns the depth with that of the clusters.
     fn number(&mut self, collapse: &Collapse<'_>) -> usize {
         let mut level = vec![0];
@@ -283,7 +309,7 @@ impl Above<'_> {
     }
 
     /// The areas of all nodes.
-    fn area(&self) -> f64 {
+    pub(super) fn area(&self) -> f64 {
         let area = |node: usize| f64::from(self.tree.nodes[node].bounds.half_area());
         let inner = self.nodes.iter().flat_map(|(children, _)| children.as_slice());
         let inner = inner.map(|&child| child as usize).filter(|&c| !self.tree.nodes[c].is_leaf());

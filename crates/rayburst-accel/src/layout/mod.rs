@@ -7,6 +7,7 @@ pub(crate) mod collapse;
 pub(crate) mod compressed;
 pub(crate) mod curve_leaves;
 pub(crate) mod hlbvh8;
+mod instances8;
 pub(crate) mod morton8;
 pub(crate) mod triangles;
 pub(crate) mod view;

@@ -2,19 +2,12 @@
 
 use std::sync::Arc;
 
-use glam::Vec3;
 use rayburst_math::{Aabb, Ray};
 
-use super::BoxLeaves;
 use crate::{
-    Blas, BuildError, Instance,
-    build::{
-        binned_sah::{BinnedSah, MAX_DEPTH},
-        monitor::Monitor,
-        primitives::PrimitiveRef,
-    },
+    Blas, BuildError, BuildOptions, Instance,
     layout::bvh8::Bvh8,
-    tlas::{place, slack},
+    tlas::{placements::Placements, slack},
     traverse::prepare::PreparedRay,
 };
 
@@ -29,34 +22,19 @@ pub(crate) struct ProceduralTop {
 }
 
 impl ProceduralTop {
-    /// Builds over those of the instances that have procedural primitives; `None` if none has.
+    /// Builds over those of the instances that have procedural primitives; `None` if no BLAS has.
     pub(crate) fn build(
         blases: &[Arc<Blas>],
         instances: &[Instance],
+        options: &BuildOptions<'_>,
     ) -> Result<Option<Self>, BuildError> {
         if blases.iter().all(|blas| blas.procedural().is_none()) {
             return Ok(None);
         }
-        let (mut condition, mut reach, mut refs) = (1.0f32, 0.0f32, vec![]);
-        for (instance, index) in instances.iter().zip(0..) {
-            let placement = match blases.get(instance.blas as usize) {
-                Some(blas) => place(instance, &blas.procedural_bounds()),
-                None => continue,
-            };
-            if placement.bounds.is_empty() {
-                continue;
-            }
-            condition = condition.max(placement.condition);
-            reach = reach.max(Vec3::from(instance.transform.translation).abs().max_element());
-            refs.push(PrimitiveRef::new(&placement.bounds, index));
-        }
-        let monitor = Monitor::default();
-        let binary = BinnedSah { bins: 16, leaf_size: 1, max_depth: MAX_DEPTH, monitor };
-        let tree = Bvh8::collapse(&binary.build(refs)?, &BoxLeaves)?;
-        if !tree.bounds.is_empty() {
-            let corner = tree.bounds.lower.abs().max(tree.bounds.upper.abs());
-            reach = reach.max(corner.max_element());
-        }
+        let (bounds_of, mut placed) = (Blas::procedural_bounds, vec![]);
+        let placements = Placements::new(blases, instances, bounds_of, &mut placed);
+        let tree = placements.tree(options)?;
+        let (condition, reach) = (placements.condition(), placements.reach(&tree.bounds));
         Ok(Some(Self { tree, condition, reach }))
     }
 

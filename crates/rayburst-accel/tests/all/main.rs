@@ -16,4 +16,6 @@ mod refit_changed;
 mod rules;
 mod small;
 mod splits;
+mod update;
+mod update_policy;
 mod watertight;
