@@ -173,6 +173,17 @@ pub enum DispatchError {
         /// What was declared.
         limit: u32,
     },
+    /// A launch of portable shaders asked for more rays than were declared.
+    #[error(
+        "launch {launch} asks for more than the {limit} rays that were declared; declare more, or end by \
+         `PortableRay::depth`"
+    )]
+    TooManyRays {
+        /// The launch's index.
+        launch: UVec3,
+        /// What was declared.
+        limit: u32,
+    },
     /// Callable shaders called each other too deep.
     #[error("launch {launch} calls callable shaders more than 31 deep")]
     CallableDepth {

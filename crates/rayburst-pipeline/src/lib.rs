@@ -69,6 +69,7 @@ mod context;
 mod error;
 mod hit_group;
 mod pipeline;
+mod portable;
 mod procedural;
 mod storage;
 mod table;
@@ -78,5 +79,9 @@ pub use context::{AnyHit, Callable, ClosestHit, Intersection, Miss, RayGeneratio
 pub use error::{DispatchError, PipelineError};
 pub use hit_group::{AnyHitResult, Barycentrics, HitGroup, MAX_ATTRIBUTE_BYTES};
 pub use pipeline::{MAX_LAUNCHES, MAX_RECURSION_DEPTH, Pipeline};
+pub use portable::{
+    Next, PortableHit, PortableHitGroup, PortablePipeline, PortableRay, PortableRayType,
+    PortableTable, TraceRequest,
+};
 pub use storage::{RwBuffer, RwTexture};
 pub use table::{CallableId, RayGenerationId, RayType, ShaderTable};

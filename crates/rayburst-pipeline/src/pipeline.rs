@@ -1,6 +1,6 @@
 //! A checked shader table, and running it.
 
-use std::collections::HashSet;
+use std::{any::TypeId, collections::HashSet};
 
 use glam::UVec3;
 use rayburst_accel::{GeometryKind, Tlas};
@@ -79,82 +79,7 @@ impl<'s> Pipeline<'s> {
     /// Whether every record that a ray can find in a structure is there and fits: its payload is the ray
     /// type's, and its group is for what the geometry consists of. Every dispatch checks.
     pub fn check(&self, tlas: &Tlas) -> Result<(), PipelineError> {
-        let mut seen = HashSet::new();
-        for (instance, number) in tlas.instances().iter().zip(0..) {
-            for (what, value) in [("id", instance.id), ("contribution", instance.contribution)] {
-                if value > MAX_OF_INSTANCE {
-                    let limit = MAX_OF_INSTANCE;
-                    return Err(PipelineError::InstanceTooLarge {
-                        instance: number,
-                        what,
-                        value,
-                        limit,
-                    });
-                }
-            }
-            if !seen.insert((instance.blas, instance.contribution)) {
-                continue;
-            }
-            let Some(blas) = tlas.blases().get(instance.blas as usize) else { continue };
-            for (info, geometry) in blas.geometries().iter().zip(0..) {
-                for ray_type in &self.ray_types {
-                    let index = ray_type.record(instance.contribution, geometry);
-                    self.check_hit(ray_type, number, geometry, info.kind, index)?;
-                }
-            }
-        }
-        Ok(())
-    }
-
-    fn check_hit(
-        &self,
-        ray_type: &RayTypeInfo,
-        instance: u32,
-        geometry: u32,
-        kind: GeometryKind,
-        index: u64,
-    ) -> Result<(), PipelineError> {
-        let name = || ray_type.name.clone();
-        let Some(record) = self.hits.get(index as usize) else {
-            let (ray_type, records) = (name(), self.hits.len());
-            return Err(PipelineError::NoHitRecord {
-                ray_type,
-                instance,
-                geometry,
-                index,
-                records,
-            });
-        };
-        let Some(record) = record else { return Ok(()) };
-        let group = record.group().to_owned();
-        if record.kind() != kind {
-            let constructor = match kind {
-                GeometryKind::Triangles => "triangles",
-                GeometryKind::Procedural => "procedural",
-            };
-            return Err(PipelineError::HitKind {
-                ray_type: name(),
-                instance,
-                geometry,
-                index,
-                group,
-                expected: name_of(kind),
-                found: name_of(record.kind()),
-                constructor,
-            });
-        }
-        if record.payload().0 != ray_type.payload.0 {
-            return Err(PipelineError::HitPayload {
-                ray_type: name(),
-                instance,
-                geometry,
-                index,
-                group,
-                expected: ray_type.payload.1,
-                found: record.payload().1,
-            });
-        }
-        Ok(())
+        check_hits(self, &self.ray_types, tlas)
     }
 
     /// Runs a ray generation shader once for every index of a grid of `width × height × depth`, on the
@@ -174,37 +99,144 @@ impl<'s> Pipeline<'s> {
         let Some(record) = self.ray_generations.get(index as usize) else {
             return Err(DispatchError::NoRayGeneration { index });
         };
-        let launches =
-            u64::from(width).saturating_mul(u64::from(height)).saturating_mul(u64::from(depth));
-        if launches > MAX_LAUNCHES {
-            return Err(DispatchError::TooManyLaunches { launches, limit: MAX_LAUNCHES });
-        }
+        check_launches(width, height, depth)?;
         self.check(tlas)?;
         let dimensions = UVec3::new(width, height, depth);
         let dispatch = Dispatch { pipeline: self, tlas, dimensions, failure: Failure::default() };
-        let (columns, rows) = (width.div_ceil(TILE), height.div_ceil(TILE));
-        let tiles = u64::from(columns) * u64::from(rows) * u64::from(depth);
-        (0..tiles).into_par_iter().for_each(|tile| {
-            let (column, row) = (tile % u64::from(columns), tile / u64::from(columns));
-            let (row, z) = ((row % u64::from(rows)) as u32, (row / u64::from(rows)) as u32);
-            let (left, top) = (column as u32 * TILE, row * TILE);
-            for y in top..height.min(top + TILE) {
-                for x in left..width.min(left + TILE) {
-                    let launch_index = UVec3::new(x, y, z);
-                    let call =
-                        Call { dispatch: &dispatch, launch_index, depth: 0, callable_depth: 0 };
-                    (record.run)(&RayGeneration { call });
-                }
+        for_each_tile(dimensions, TILE).for_each(|launches| {
+            for launch_index in launches {
+                let call = Call { dispatch: &dispatch, launch_index, depth: 0, callable_depth: 0 };
+                (record.run)(&RayGeneration { call });
             }
         });
         dispatch.failure.into_result()
     }
 }
 
-fn check_ray_type(
-    ray_type: &RayTypeInfo,
-    misses: &[Option<MissRecord<'_>>],
+/// Whether a grid has no more launches than allowed.
+pub(crate) fn check_launches(width: u32, height: u32, depth: u32) -> Result<(), DispatchError> {
+    let launches =
+        u64::from(width).saturating_mul(u64::from(height)).saturating_mul(u64::from(depth));
+    if launches > MAX_LAUNCHES {
+        return Err(DispatchError::TooManyLaunches { launches, limit: MAX_LAUNCHES });
+    }
+    Ok(())
+}
+
+/// The launches of each tile of a grid, row by row; tiles are of `side × side`.
+pub(crate) fn for_each_tile(
+    dimensions: UVec3,
+    side: u32,
+) -> impl ParallelIterator<Item = impl Iterator<Item = UVec3>> {
+    let UVec3 { x: width, y: height, z: depth } = dimensions;
+    let (columns, rows) = (width.div_ceil(side), height.div_ceil(side));
+    let tiles = u64::from(columns) * u64::from(rows) * u64::from(depth);
+    (0..tiles).into_par_iter().map(move |tile| {
+        let (column, row) = (tile % u64::from(columns), tile / u64::from(columns));
+        let (row, z) = ((row % u64::from(rows)) as u32, (row / u64::from(rows)) as u32);
+        let (left, top) = (column as u32 * side, row * side);
+        (top..height.min(top.saturating_add(side))).flat_map(move |y| {
+            (left..width.min(left.saturating_add(side))).map(move |x| UVec3::new(x, y, z))
+        })
+    })
+}
+
+/// The hit records of a table as they are checked.
+pub(crate) trait HitTable {
+    fn records(&self) -> usize;
+
+    /// The group of a record, what it is for, and its payload; `None` if the record is empty.
+    fn record(&self, index: usize) -> Option<(&str, GeometryKind, (TypeId, &'static str))>;
+}
+
+impl HitTable for Pipeline<'_> {
+    fn records(&self) -> usize {
+        self.hits.len()
+    }
+
+    fn record(&self, index: usize) -> Option<(&str, GeometryKind, (TypeId, &'static str))> {
+        let record = self.hits[index].as_ref()?;
+        Some((record.group(), record.kind(), record.payload()))
+    }
+}
+
+/// Checks every hit record that rays of some types can find in a structure.
+pub(crate) fn check_hits(
+    table: &impl HitTable,
+    ray_types: &[RayTypeInfo],
+    tlas: &Tlas,
 ) -> Result<(), PipelineError> {
+    let mut seen = HashSet::new();
+    let mut last = None;
+    for (instance, number) in tlas.instances().iter().zip(0..) {
+        for (what, value) in [("id", instance.id), ("contribution", instance.contribution)] {
+            if value > MAX_OF_INSTANCE {
+                let (instance, limit) = (number, MAX_OF_INSTANCE);
+                return Err(PipelineError::InstanceTooLarge { instance, what, value, limit });
+            }
+        }
+        let key = (instance.blas, instance.contribution);
+        if last.replace(key) == Some(key) || !seen.insert(key) {
+            continue;
+        }
+        let Some(blas) = tlas.blases().get(instance.blas as usize) else { continue };
+        for (info, geometry) in blas.geometries().iter().zip(0..) {
+            for ray_type in ray_types {
+                let index = ray_type.record(instance.contribution, geometry);
+                check_hit(table, ray_type, number, geometry, info.kind, index)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn check_hit(
+    table: &impl HitTable,
+    ray_type: &RayTypeInfo,
+    instance: u32,
+    geometry: u32,
+    kind: GeometryKind,
+    index: u64,
+) -> Result<(), PipelineError> {
+    let (records, name) = (table.records(), || ray_type.name.clone());
+    if index >= records as u64 {
+        let ray_type = name();
+        return Err(PipelineError::NoHitRecord { ray_type, instance, geometry, index, records });
+    }
+    let Some((group, found, payload)) = table.record(index as usize) else { return Ok(()) };
+    let group = group.to_owned();
+    if found != kind {
+        let constructor = match kind {
+            GeometryKind::Triangles => "triangles",
+            GeometryKind::Procedural => "procedural",
+        };
+        return Err(PipelineError::HitKind {
+            ray_type: name(),
+            instance,
+            geometry,
+            index,
+            group,
+            expected: name_of(kind),
+            found: name_of(found),
+            constructor,
+        });
+    }
+    if payload.0 != ray_type.payload.0 {
+        return Err(PipelineError::HitPayload {
+            ray_type: name(),
+            instance,
+            geometry,
+            index,
+            group,
+            expected: ray_type.payload.1,
+            found: payload.1,
+        });
+    }
+    Ok(())
+}
+
+/// Whether the numbers of a ray type have as few bits as DXR has for them, and its miss record is there.
+pub(crate) fn check_numbers(ray_type: &RayTypeInfo, misses: usize) -> Result<(), PipelineError> {
     let name = || ray_type.name.clone();
     for (what, value, limit) in [
         ("contribution", ray_type.contribution, MAX_CONTRIBUTION),
@@ -216,17 +248,25 @@ fn check_ray_type(
         }
     }
     let index = ray_type.miss;
-    match misses.get(index as usize) {
-        None => Err(PipelineError::NoMissRecord { ray_type: name(), index, records: misses.len() }),
-        Some(Some(miss)) if miss.payload.0 != ray_type.payload.0 => {
-            Err(PipelineError::MissPayload {
-                ray_type: name(),
-                index,
-                shader: miss.name.clone(),
-                expected: ray_type.payload.1,
-                found: miss.payload.1,
-            })
-        }
-        Some(_) => Ok(()),
+    if index as usize >= misses {
+        return Err(PipelineError::NoMissRecord { ray_type: name(), index, records: misses });
+    }
+    Ok(())
+}
+
+fn check_ray_type(
+    ray_type: &RayTypeInfo,
+    misses: &[Option<MissRecord<'_>>],
+) -> Result<(), PipelineError> {
+    check_numbers(ray_type, misses.len())?;
+    match &misses[ray_type.miss as usize] {
+        Some(miss) if miss.payload.0 != ray_type.payload.0 => Err(PipelineError::MissPayload {
+            ray_type: ray_type.name.clone(),
+            index: ray_type.miss,
+            shader: miss.name.clone(),
+            expected: ray_type.payload.1,
+            found: miss.payload.1,
+        }),
+        _ => Ok(()),
     }
 }

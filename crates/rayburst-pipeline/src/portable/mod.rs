@@ -1,0 +1,77 @@
+//! Portable shaders: values in, a payload and the next ray out.
+//!
+//! A portable shader calls nothing and changes nothing: it takes a hit and a payload by value, and returns
+//! the payload and what is to be traced next. Rays therefore need no stack, and can be traced in batches: a
+//! tile of the grid is generated, traced, grouped by record, shaded, traced again, until no ray is left. The
+//! same picture comes out as from tracing recursively, several times as fast, and the form is one that
+//! languages without recursion and function pointers can express.
+//!
+//! A ray type is what it is for other pipelines; all have one payload type here.
+
+mod queue;
+mod table;
+
+use glam::UVec3;
+use rayburst_accel::{Instance, RayFlags, Tlas};
+use rayburst_math::{Hit, Ray};
+
+pub use table::{PortableHitGroup, PortablePipeline, PortableRayType, PortableTable};
+
+/// A ray to trace.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TraceRequest {
+    /// Which records the ray finds.
+    pub ray_type: PortableRayType,
+    /// What the ray asks for. With [`RayFlags::ACCEPT_FIRST_HIT_AND_END_SEARCH`] any hit may be the first:
+    /// if a closest hit shader is to run, it is the nearest one.
+    pub flags: RayFlags,
+    /// The ray sees instances whose mask shares a bit with this one.
+    pub mask: u8,
+    /// The ray.
+    pub ray: Ray,
+}
+
+/// What comes after a shader.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Next {
+    /// Nothing: the payload is finished.
+    Done,
+    /// Another ray, with the payload that was returned.
+    Trace(TraceRequest),
+}
+
+/// What a portable shader sees of its launch and ray.
+#[derive(Clone, Copy, Debug)]
+pub struct PortableRay<'a> {
+    /// Index in the grid.
+    pub launch_index: UVec3,
+    /// Size of the grid.
+    pub launch_dimensions: UVec3,
+    /// The ray that was traced.
+    pub ray: &'a Ray,
+    /// Rays that were traced for this launch before.
+    pub depth: u32,
+}
+
+/// What a portable shader sees of a hit, with a record `R`.
+pub struct PortableHit<'a, R> {
+    /// The launch and the ray.
+    pub ray: PortableRay<'a>,
+    /// The hit.
+    pub hit: &'a Hit,
+    /// The data of the record.
+    pub record: &'a R,
+    pub(crate) tlas: &'a Tlas,
+}
+
+impl<R> PortableHit<'_, R> {
+    /// The instance that was hit.
+    pub fn instance(&self) -> &Instance {
+        &self.tlas.instances()[self.hit.instance as usize]
+    }
+
+    /// The structure that rays are traced in.
+    pub fn structure(&self) -> &Tlas {
+        self.tlas
+    }
+}
