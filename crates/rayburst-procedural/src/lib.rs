@@ -7,6 +7,31 @@
 //! ([`rayburst_math::Ray::is_valid`]) hit nothing.
 #![forbid(unsafe_code)]
 
+mod cone;
+mod crossed;
+pub mod csg;
+mod cuboid;
+mod cylinder;
+mod disk;
+mod frustum;
+mod interval;
+mod line;
+mod quad;
+mod roots;
 mod shape;
+mod solid;
+mod sphere;
+mod torus;
 
+pub use cone::Cone;
+pub use csg::{Csg, Operation};
+pub use cuboid::Cuboid;
+pub use cylinder::Cylinder;
+pub use disk::Disk;
+pub use interval::{Crossing, Interval, IntervalList};
+pub use line::Line;
+pub use quad::Quad;
 pub use shape::{Shape, ShapeHit};
+pub use solid::Solid;
+pub use sphere::Sphere;
+pub use torus::Torus;
