@@ -76,16 +76,17 @@ impl Local {
     }
 
     /// Slope along the line of the implicit function
-    /// `(|p|² + major² − minor²)² − 4 major² (x² + z²)`, a quartic.
+    /// `(|p|² + major² − minor²)² − 4 major² (x² + z²)`, a quartic. From the nearest point on, where
+    /// position and direction are at right angles, one term is zero.
     fn slope(&self) -> [f64; 4] {
         let (p, d) = (self.nearest, self.direction);
         let (major, minor) = (self.major, self.minor);
-        let whole = [p.length_squared() + (major - minor) * (major + minor), 2.0 * p.dot(d)];
+        let whole = p.length_squared() + (major - minor) * (major + minor);
         let scale = 4.0 * major * major;
         [
-            2.0 * (whole[0] * whole[1] - scale * (p.x * d.x + p.z * d.z)),
-            2.0 * (whole[1] * whole[1] + 2.0 * whole[0] - scale * (d.x * d.x + d.z * d.z)),
-            6.0 * whole[1],
+            -2.0 * scale * (p.x * d.x + p.z * d.z),
+            2.0 * (2.0 * whole - scale * (d.x * d.x + d.z * d.z)),
+            0.0,
             4.0,
         ]
     }
