@@ -1,1 +1,3 @@
 //! Tests of the pipeline.
+
+mod portable;

@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use rayburst_math::Ray;
 use rayburst_procedural::{Shape, ShapeHit};
 
-use crate::rays::Rays;
+use crate::random_rays::Rays;
 
 /// A place where the whole line, whatever the ray's interval, meets the surface.
 #[derive(Clone, Copy, Debug)]

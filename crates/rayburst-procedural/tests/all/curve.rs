@@ -7,7 +7,7 @@ use rayburst_procedural::{Curve, CurveError, Shape};
 
 use crate::check::{Expected, Tolerance, all_hits, check_strange_rays, compare};
 use crate::numeric::sign_changes;
-use crate::rays::Rays;
+use crate::random_rays::Rays;
 
 const SAMPLES: usize = 32;
 

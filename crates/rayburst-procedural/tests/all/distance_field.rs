@@ -8,7 +8,7 @@ use rayburst_procedural::{DistanceField, DistanceFieldError, Shape};
 
 use crate::check::{Expected, Tolerance, all_hits, check_strange_rays, compare};
 use crate::polynomial;
-use crate::rays::Rays;
+use crate::random_rays::Rays;
 
 const CENTRE: Vec3 = Vec3::new(0.5, -1.0, 2.0);
 

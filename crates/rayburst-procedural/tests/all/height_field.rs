@@ -6,7 +6,7 @@ use rayburst_math::hash::Rng;
 use rayburst_procedural::{HeightField, HeightFieldError, Landscape, Shape};
 
 use crate::check::{Expected, Tolerance, all_hits, check_strange_rays, compare};
-use crate::rays::Rays;
+use crate::random_rays::Rays;
 
 fn patch_height(
     field: &HeightField,

@@ -7,7 +7,7 @@ use rayburst_procedural::{Metaball, Metaballs, MetaballsError, Shape};
 
 use crate::check::{Expected, Tolerance, all_hits, check_strange_rays, compare};
 use crate::numeric::sign_changes;
-use crate::rays::Rays;
+use crate::random_rays::Rays;
 
 fn density(balls: &[Metaball], threshold: f32, p: DVec3) -> f64 {
     let one = |b: &Metaball| {

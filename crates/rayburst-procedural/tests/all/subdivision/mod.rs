@@ -8,7 +8,7 @@ use rayburst_math::hash::Rng;
 use rayburst_procedural::{CageError, Shape, Subdivision};
 
 use crate::check::{Tolerance, all_hits, check_strange_rays, compare};
-use crate::rays::Rays;
+use crate::random_rays::Rays;
 use plain::{Polygons, Tessellation};
 
 fn surface(cage: &Polygons, depth: u32) -> Subdivision {
