@@ -20,7 +20,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
         "rayburst",
         &["rayburst-math", "rayburst-accel", "rayburst-image", "rayburst-scene", "rayburst-render"],
     ),
-    ("rayburst-bench", &["rayburst-math", "rayburst-accel", "rayburst-scene"]),
+    ("rayburst-bench", &["rayburst-math", "rayburst-accel", "rayburst-pipeline", "rayburst-scene"]),
     ("rayburst-cli", &["rayburst", "rayburst-bench"]),
     ("rayburst-testkit", &["rayburst-math"]),
     ("rayburst-verify", &["rayburst-math", "rayburst-simd", "rayburst-accel", "rayburst-scene"]),

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use rayburst_accel::BuildError;
+use rayburst_pipeline::{DispatchError, PipelineError};
 
 /// Why nothing was measured.
 #[derive(Debug, thiserror::Error)]
@@ -25,6 +26,22 @@ pub enum BenchError {
     /// The structure cannot be built.
     #[error("cannot build the acceleration structure: {0}")]
     Build(#[from] BuildError),
+    /// A shader table does not fit the scene.
+    #[error(transparent)]
+    Pipeline(#[from] PipelineError),
+    /// Shaders failed.
+    #[error(transparent)]
+    Dispatch(#[from] DispatchError),
+    /// Forms of one computation disagree, so their speeds cannot be compared.
+    #[error("{first} and {second} disagree on {differing} pixels")]
+    PicturesDiffer {
+        /// A form.
+        first: String,
+        /// The form that differs from it.
+        second: String,
+        /// In so many pixels.
+        differing: usize,
+    },
     /// There are no worker threads.
     #[error("cannot start {threads} threads: {reason}")]
     Threads {

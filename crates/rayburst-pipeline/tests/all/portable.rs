@@ -250,7 +250,7 @@ fn every_launch_is_generated_and_finished_once() {
     let number = |at: UVec3| (at.z * height + at.y) * width + at.x;
     let request = |ray| TraceRequest { ray_type, flags: RayFlags::empty(), mask: 0xFF, ray };
     let generate = |at: UVec3| {
-        let next = if at.x % 3 == 0 {
+        let next = if at.x.is_multiple_of(3) {
             Next::Done
         } else {
             Next::Trace(request(camera_ray(at.truncate())))
