@@ -4,10 +4,15 @@
 //! applied at build (DXR's per-geometry transform). Meshes that move, deform or repeat get a BLAS
 //! each and are placed by instances.
 
-use std::{collections::HashMap, sync::Arc};
+use std::{
+    collections::{HashMap, hash_map::Entry},
+    sync::Arc,
+};
 
 use glam::{Affine3A, Mat3A};
-use rayburst_accel::{Blas, BuildError, BuildOptions, Instance, Tlas, TriangleMesh};
+use rayburst_accel::{
+    Blas, BuildError, BuildOptions, Instance, MovingBlas, Tlas, TriangleMesh, UpdatePolicy,
+};
 use rayburst_image::MipMap;
 use rayburst_math::Aabb;
 
@@ -84,7 +89,9 @@ pub enum FlattenError {
     },
 }
 
-/// Flattens the instants of one scene; structures that do not change are built once.
+/// Flattens the instants of one scene; structures that do not change are built once, and those of
+/// deforming meshes are kept from instant to instant and refitted as a policy says. What is hit at one
+/// instant does not depend on the instants before, nor on the policy.
 #[derive(Debug)]
 pub struct Flattener<'a> {
     scene: &'a Scene,
@@ -94,6 +101,9 @@ pub struct Flattener<'a> {
     baked: Option<Built>,
     /// By mesh and skin or node: rigid meshes are built once.
     rigid: HashMap<u32, Built>,
+    /// By node.
+    deforming: HashMap<usize, MovingBlas<'a>>,
+    policy: UpdatePolicy,
     shared: Shared,
 }
 
@@ -144,7 +154,21 @@ impl<'a> Flattener<'a> {
             textures: scene.textures.as_slice().into(),
             images: scene.images.as_slice().into(),
         };
-        Self { scene, options, placement, baked: None, rigid: HashMap::new(), shared }
+        Self {
+            scene,
+            options,
+            placement,
+            baked: None,
+            rigid: HashMap::new(),
+            deforming: HashMap::new(),
+            policy: UpdatePolicy::default(),
+            shared,
+        }
+    }
+
+    /// The same with another policy for deforming meshes.
+    pub fn with_policy(self, policy: UpdatePolicy) -> Self {
+        Self { policy, deforming: HashMap::new(), ..self }
     }
 
     /// The scene in one pose.
@@ -221,7 +245,7 @@ impl<'a> Flattener<'a> {
     }
 
     fn place_deforming(
-        &self,
+        &mut self,
         index: usize,
         pose: &Pose,
         flat: &mut Parts,
@@ -238,7 +262,7 @@ impl<'a> Flattener<'a> {
                 geometry(Arc::new(bent), Affine3A::IDENTITY, index)
             })
             .collect();
-        let built = self.build(&source.name, geometries)?;
+        let built = self.update(index, &source.name, geometries)?;
         // Joint matrices lead to world space: a skinned mesh ignores its node's transform
         // (glTF 2.0, section 3.7.3.3).
         if node.skin.is_some() {
@@ -250,20 +274,46 @@ impl<'a> Flattener<'a> {
     }
 
     fn build(&self, mesh: &str, geometries: Vec<FlatGeometry>) -> Result<Built, FlattenError> {
-        let meshes: Vec<TriangleMesh<'_>> = geometries
-            .iter()
-            .map(|g| TriangleMesh {
-                positions: &g.primitive.positions,
-                indices: &g.primitive.indices,
-                transform: (g.transform != Affine3A::IDENTITY).then_some(g.transform),
-                opaque: is_opaque(self.scene, &g.primitive),
-                no_duplicate_any_hit: false,
-            })
-            .collect();
-        let blas = Blas::build(&meshes, &self.options)
+        let blas = Blas::build(&triangles(self.scene, &geometries), &self.options)
             .map_err(|source| FlattenError::Build { mesh: mesh.to_owned(), source })?;
         Ok(Built { blas: Arc::new(blas), geometries })
     }
+
+    /// The structure of a node's mesh as it is now, from that of the last instant if there is one.
+    fn update(
+        &mut self,
+        node: usize,
+        mesh: &str,
+        geometries: Vec<FlatGeometry>,
+    ) -> Result<Built, FlattenError> {
+        let meshes = triangles(self.scene, &geometries);
+        let failed = |source| FlattenError::Build { mesh: mesh.to_owned(), source };
+        let moving = match self.deforming.entry(node) {
+            Entry::Occupied(entry) => {
+                let moving = entry.into_mut();
+                moving.update(&meshes).map_err(failed)?;
+                moving
+            }
+            Entry::Vacant(entry) => {
+                let first = MovingBlas::build(&meshes, &self.options, self.policy);
+                entry.insert(first.map_err(failed)?)
+            }
+        };
+        let blas = moving.blas().clone();
+        Ok(Built { blas, geometries })
+    }
+}
+
+/// Geometries as a structure is built over them.
+fn triangles<'g>(scene: &Scene, geometries: &'g [FlatGeometry]) -> Vec<TriangleMesh<'g>> {
+    let triangles = |geometry: &'g FlatGeometry| TriangleMesh {
+        positions: &geometry.primitive.positions,
+        indices: &geometry.primitive.indices,
+        transform: (geometry.transform != Affine3A::IDENTITY).then_some(geometry.transform),
+        opaque: is_opaque(scene, &geometry.primitive),
+        no_duplicate_any_hit: false,
+    };
+    geometries.iter().map(triangles).collect()
 }
 
 /// What is gathered for the TLAS.

@@ -6,6 +6,7 @@ mod gltf;
 mod gltf_broken;
 mod gltf_values;
 mod hostile_meshes;
+mod moving;
 mod obj;
 mod ply;
 mod real_meshes;
