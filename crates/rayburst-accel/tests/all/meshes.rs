@@ -2,9 +2,9 @@
 
 use glam::Vec3;
 use rayburst_accel::{
-    Blas, BuildOptions, BuildQuality, Builder, Curve, IsaLevel, Layout, TriangleMesh,
+    Blas, BuildOptions, BuildQuality, Builder, Curve, FilterFn, IsaLevel, Layout, TriangleMesh,
 };
-use rayburst_math::Ray;
+use rayburst_math::{Hit, Ray};
 
 /// A reproducible stream of numbers (SplitMix64).
 pub struct Random(u64);
@@ -36,6 +36,13 @@ impl Random {
         (self.bits() % limit as u64) as usize
     }
 }
+
+/// A filter of one type whatever it does: kernels are compiled for every type of filter.
+pub fn filter<'a>(decide: &'a Decide<'a>) -> FilterFn<&'a Decide<'a>> {
+    FilterFn(decide)
+}
+
+type Decide<'a> = dyn Fn(u32, &Ray, &Hit) -> bool + 'a;
 
 /// An owned mesh.
 #[derive(Clone, Debug, Default)]

@@ -11,7 +11,9 @@ use rayburst_math::{Hit, Ray};
 
 use crate::{
     instances,
-    meshes::{Mesh, QUALITIES, Random, degenerate, grid_box, needles, ray_at, soup, sphere},
+    meshes::{
+        Mesh, QUALITIES, Random, degenerate, filter, grid_box, needles, ray_at, soup, sphere,
+    },
 };
 
 /// Answers of a batch: nearest hits, and whether there are any.
@@ -130,7 +132,7 @@ fn coherent_rays(seed: u64, groups: usize, mesh: &Mesh) -> Vec<Ray> {
 /// Compares all modes, in batches of many lengths, with rays one by one; returns the hits.
 fn check(structure: &impl Trace, rays: &[Ray]) -> usize {
     let sieve =
-        FilterFn(|index: u32, _: &Ray, hit: &Hit| !(index + hit.primitive).is_multiple_of(3));
+        filter(&|index: u32, _: &Ray, hit: &Hit| !(index + hit.primitive).is_multiple_of(3));
     let mut hit_count = 0;
     for cull in [Cull::None, Cull::Front, Cull::Back] {
         let options = |mode| TraceOptions { cull, mode, ..TraceOptions::default() };

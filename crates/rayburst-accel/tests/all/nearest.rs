@@ -7,16 +7,16 @@ use std::{
 
 use glam::{Affine3A, Vec3};
 use rayburst_accel::{
-    AcceptAll, Blas, BuildOptions, CandidateFilter, Cull, FilterFn, Instance, IsaLevel, Tlas,
-    TraceOptions, TriangleMesh,
+    AcceptAll, Blas, BuildOptions, CandidateFilter, Cull, Instance, IsaLevel, Tlas, TraceOptions,
+    TriangleMesh,
 };
 use rayburst_math::{Hit, Ray};
 
 use crate::{
     instances,
     meshes::{
-        Mesh, QUALITIES, Random, all_builds, degenerate, grid_box, needles, ray_at, soup, sphere,
-        with_isa,
+        Mesh, QUALITIES, Random, all_builds, degenerate, filter, grid_box, needles, ray_at, soup,
+        sphere, with_isa,
     },
     oracle::crossings,
 };
@@ -78,7 +78,7 @@ fn bits(hits: &[Hit]) -> Vec<[u32; 8]> {
 
 fn check_all(blas: &Blas, rays: &[Ray]) -> usize {
     let sieve =
-        FilterFn(|index: u32, _: &Ray, hit: &Hit| !(index + hit.primitive).is_multiple_of(3));
+        filter(&|index: u32, _: &Ray, hit: &Hit| !(index + hit.primitive).is_multiple_of(3));
     let mut count = 0;
     for cull in Cull::ALL {
         let options = TraceOptions { cull, ..TraceOptions::default() };
@@ -149,7 +149,7 @@ fn they_are_those_of_brute_force() {
 
 #[test]
 fn instances_are_listed_too() {
-    let sieve = FilterFn(|index: u32, _: &Ray, hit: &Hit| (index ^ hit.instance).is_multiple_of(2));
+    let sieve = filter(&|index: u32, _: &Ray, hit: &Hit| (index ^ hit.instance).is_multiple_of(2));
     for isa in IsaLevel::available() {
         let (tlas, flat, _) = instances::scene(isa);
         let rays = rays(109, 400, &flat);
@@ -183,15 +183,16 @@ fn the_filter_is_asked_only_for_what_would_be_listed() {
             let target = mesh.triangle(random.below(mesh.indices.len()))[1];
             let ray = Ray::new(Vec3::splat(3.0), target - Vec3::splat(3.0));
             let accepted = Mutex::new(BTreeSet::new());
-            let accept = FilterFn(|_: u32, _: &Ray, hit: &Hit| {
+            let accept = |_: u32, _: &Ray, hit: &Hit| {
                 // Never again for what is listed.
                 assert!(accepted.lock().unwrap().insert(hit.primitive));
                 true
-            });
+            };
+            let accept = filter(&accept);
             let mut hits = vec![];
             ask(&blas, &ray, usize::MAX, &accept, &mut hits);
             assert_eq!(accepted.lock().unwrap().len(), hits.len());
-            let never = FilterFn(|_: u32, _: &Ray, _: &Hit| panic!("asked for nothing"));
+            let never = filter(&|_: u32, _: &Ray, _: &Hit| panic!("asked for nothing"));
             ask(&blas, &ray, 0, &never, &mut hits);
             assert!(hits.is_empty());
         }

@@ -7,12 +7,12 @@ use std::sync::{
 
 use glam::{Affine3A, Vec3};
 use rayburst_accel::{
-    AcceptAll, Blas, BuildOptions, Counters, Cull, FilterFn, Instance, IsaLevel, Tlas,
-    TraceOptions, TriangleMesh,
+    AcceptAll, Blas, BuildOptions, Counters, Cull, Instance, IsaLevel, Tlas, TraceOptions,
+    TriangleMesh,
 };
 use rayburst_math::{Hit, HitKind, Ray};
 
-use crate::meshes::{Mesh, Random, ray_at, soup, with_isa};
+use crate::meshes::{Mesh, Random, filter, ray_at, soup, with_isa};
 
 const ANY: TraceOptions = TraceOptions::DEFAULT;
 
@@ -192,7 +192,7 @@ fn only_translucent_geometry_asks_the_filter() {
     let translucent = TriangleMesh { opaque: false, ..glass.geometry() };
     for isa in IsaLevel::available() {
         let blas = Blas::build(&[solid.geometry(), translucent], &with_isa(isa)).unwrap();
-        let rejects_odd = FilterFn(|_: u32, _: &Ray, hit: &Hit| {
+        let rejects_odd = filter(&|_: u32, _: &Ray, hit: &Hit| {
             assert_eq!(hit.geometry, 1);
             hit.primitive.is_multiple_of(2)
         });
@@ -226,12 +226,13 @@ fn filters_learn_the_ray_and_obey_the_instance() {
     );
     let calls = AtomicUsize::new(0);
     let rays = [down_from(1.0), down_from(2.0)];
-    let refuse = FilterFn(|index: u32, ray: &Ray, hit: &Hit| {
+    let refuse = |index: u32, ray: &Ray, hit: &Hit| {
         calls.fetch_add(1, Ordering::Relaxed);
         assert_eq!(*ray, rays[index as usize]);
         assert_eq!((hit.instance, hit.t), (0, ray.origin.z));
         false
-    });
+    };
+    let refuse = filter(&refuse);
     let hits = |force_opaque| {
         let mut instance = Instance::new(0, Affine3A::from_scale(Vec3::splat(2.0)));
         instance.flags.force_opaque = force_opaque;

@@ -5,12 +5,12 @@ use std::sync::Arc;
 
 use glam::{Affine3A, Vec3};
 use rayburst_accel::{
-    AcceptAll, Blas, BuildError, BuildOptions, BuildQuality, Builder, Counters, FilterFn, Instance,
-    IsaLevel, Layout, Tlas, TraceMode, TraceOptions, TriangleMesh,
+    AcceptAll, Blas, BuildError, BuildOptions, BuildQuality, Builder, Counters, Instance, IsaLevel,
+    Layout, Tlas, TraceMode, TraceOptions, TriangleMesh,
 };
 use rayburst_math::{Hit, Ray};
 
-use crate::meshes::{Mesh, Random, degenerate, ray_at, soup};
+use crate::meshes::{Mesh, Random, degenerate, filter, ray_at, soup};
 
 /// Miri takes a thousand times as long.
 const TRIANGLES: usize = if cfg!(miri) { 12 } else { 40 };
@@ -35,7 +35,7 @@ fn rays(count: usize) -> Vec<Ray> {
 macro_rules! check {
     ($structure:expr, $rays:expr) => {{
         let (structure, rays) = (&$structure, $rays);
-        let sieve = FilterFn(|index: u32, _: &Ray, _: &Hit| !index.is_multiple_of(3));
+        let sieve = filter(&|index: u32, _: &Ray, _: &Hit| !index.is_multiple_of(3));
         let single: Vec<Hit> = rays
             .iter()
             .map(|ray| structure.closest_hit(ray, &TraceOptions::default(), &AcceptAll))
