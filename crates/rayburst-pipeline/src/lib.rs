@@ -1,6 +1,6 @@
 //! DXR's programming model without ray tracing hardware: shaders, hit groups, shader tables.
 //!
-//! A [`ShaderTable`] is filled with shaders, which are closures, and becomes a [`Pipeline`], which is run
+//! A [`ShaderTable`] is filled with shaders, which are closures or methods of types, and becomes a [`Pipeline`], which is run
 //! over a structure of `rayburst-accel` by [`Pipeline::dispatch_rays`]. Names and rules are those of
 //! Microsoft's DirectX Raytracing (DXR) functional specification; what it forbids has no method in
 //! the shader type's context and does not compile, or is an error when the pipeline is built or first meets
@@ -71,6 +71,7 @@ mod hit_group;
 mod pipeline;
 mod portable;
 mod procedural;
+mod shaders;
 mod storage;
 mod table;
 mod trace;
@@ -83,5 +84,6 @@ pub use portable::{
     Next, PortableHit, PortableHitGroup, PortablePipeline, PortableRay, PortableRayType,
     PortableTable, TraceRequest,
 };
+pub use shaders::{ProceduralShaders, TriangleShaders};
 pub use storage::{RwBuffer, RwTexture};
 pub use table::{CallableId, RayGenerationId, RayType, ShaderTable};

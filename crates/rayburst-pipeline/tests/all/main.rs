@@ -1,3 +1,4 @@
 //! Tests of the pipeline.
 
 mod portable;
+mod shaders;
