@@ -1,4 +1,4 @@
-//! `cargo xtask performance RAYS.json BUILD.json`: the tables of `docs/performance.md` from the rows
+//! `cargo xtask performance RAYS.json BUILD.json UPDATE.json`: the tables of `docs/performance.md` from the rows
 //! that `rayburst bench` wrote. Text outside the markers is left alone.
 
 use std::{fmt::Write as _, fs, path::Path};
@@ -118,6 +118,11 @@ fn report(rows: &[Value]) -> Result<String, String> {
             let _ = writeln!(out, "## Builds, {threads} {plural}\n");
             build_table(&mut out, &builds);
         }
+        let updates = of("update");
+        if !updates.is_empty() {
+            let _ = writeln!(out, "## Updates, {threads} {plural}\n");
+            update_table(&mut out, &updates);
+        }
     }
     Ok(out)
 }
@@ -236,6 +241,35 @@ fn build_table(out: &mut String, rows: &[&Value]) {
     table(out, &head, &lines, 3);
 }
 
+/// What moves, how its structure is kept, and what that takes.
+fn update_table(out: &mut String, rows: &[&Value]) {
+    let head = ["case", "scene", "policy", "figure", "", "least", "most", "builds"];
+    let head = head.map(str::to_owned);
+    let line = |row: &&Value| {
+        let unit = match (text(row, "ratio_of"), text(row, "peer")) {
+            ("speed", peer) => format!("times as fast as `{peer}`"),
+            ("", _) => text(row, "unit").to_owned(),
+            (what, peer) => format!("of the {what} of `{peer}`"),
+        };
+        let count = match row["instances"].as_u64() {
+            Some(count) => format!("{}, {count} instances", scene(row)),
+            None => scene(row),
+        };
+        vec![
+            text(row, "case").to_owned(),
+            count,
+            format!("`{}`", text(row, "policy")),
+            shown(number(row, "value")),
+            unit,
+            shown(number(row, "min")),
+            shown(number(row, "max")),
+            row["rebuilds"].as_u64().map_or_else(String::new, |n| n.to_string()),
+        ]
+    };
+    let lines: Vec<Vec<String>> = rows.iter().map(line).collect();
+    table(out, &head, &lines, 3);
+}
+
 #[cfg(test)]
 mod tests {
     use serde_json::json;
@@ -284,6 +318,13 @@ mod tests {
                 "builder": "morton", "value": 10.0, "unit": "Mtri/s"})),
             machine(json!({"bench": "build", "scene": MEAN, "engine": "rayburst:fast",
                 "builder": "binned-sah", "value": 1.1, "unit": "ratio", "ratio_of": "Mtri/s"})),
+            machine(
+                json!({"bench": "update", "case": "twist", "scene": "column", "policy": "refit",
+                "value": 1.25, "unit": "ms", "min": 1.0, "max": 2.0, "rebuilds": 4}),
+            ),
+            machine(json!({"bench": "update", "case": "instances", "scene": "balls",
+                "instances": 9, "policy": "update:fast", "value": 3.0, "unit": "ratio",
+                "ratio_of": "speed", "peer": "rebuild:fast", "min": 2.5, "max": 3.5})),
         ]
     }
 
@@ -321,6 +362,13 @@ Mrays/s:
 | city | `rayburst:fast` | binned-sah | 12.50 | 1.25 | 71 | 30.12 | 9 |
 | city | `embree:low` | morton | 10.00 | – | – | – | – |
 | **geometric mean**, Mtri/s | `rayburst:fast` | binned-sah |  | **1.10** |  |  |  |
+
+## Updates, 1 thread
+
+| case | scene | policy | figure |  | least | most | builds |
+| --- | --- | --- | --: | --: | --: | --: | --: |
+| twist | column | `refit` | 1.25 | ms | 1.00 | 2.00 | 4 |
+| instances | balls, 9 instances | `update:fast` | 3.00 | times as fast as `rebuild:fast` | 2.50 | 3.50 |  |
 
 ";
 

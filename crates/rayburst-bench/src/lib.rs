@@ -14,6 +14,7 @@ pub mod rays;
 pub mod row;
 pub mod spec;
 mod standing;
+pub mod updates;
 
 pub use builds::{BuildBench, bench_builds};
 pub use engine::{Engine, Mode, Preset, Query};
@@ -24,3 +25,4 @@ pub use ray_sets::{RaySet, RaySetKind};
 pub use rays::{RayBench, bench_rays};
 pub use row::{Row, geometric_means};
 pub use spec::EngineSpec;
+pub use updates::{UpdateBench, UpdateCase, bench_updates};

@@ -10,7 +10,7 @@ pub const GEOMETRIC_MEAN: &str = "geometric mean";
 /// A row of a benchmark's JSON array; fields that a benchmark does not have are left out.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Row {
-    /// Which benchmark: `rays` or `build`.
+    /// Which benchmark: `rays`, `build` or `update`.
     pub bench: &'static str,
     /// Name of the scene, or `geometric mean`.
     pub scene: String,
@@ -26,6 +26,24 @@ pub struct Row {
     /// What built it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub builder: Option<&'static str>,
+    /// What moves, and how.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub case: Option<&'static str>,
+    /// How its structure is kept: `refit`, `rebuild:PRESET`, `update`, …
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub policy: Option<String>,
+    /// Instances in the scene.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub instances: usize,
+    /// Frames of a run.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frames: Option<usize>,
+    /// Those that built anew.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rebuilds: Option<usize>,
+    /// The longest frame, milliseconds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub longest: Option<f64>,
     /// Threads that worked.
     pub threads: usize,
     /// Median of the repeats.
@@ -35,7 +53,7 @@ pub struct Row {
     /// `value` over that of the best peer in the same run; absent for peers and without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ratio: Option<f64>,
-    /// Unit of the figures whose ratio this is; only in means.
+    /// What figures this is the ratio of: in means their unit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ratio_of: Option<&'static str>,
     /// The peer that `ratio` is against.

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use rayburst_bench::{
-    EngineSpec, Mode, Preset, RaySetKind,
+    EngineSpec, Mode, Preset, RaySetKind, UpdateCase,
     spec::{BUILDER_NAMES, EMBREE_NAMES},
 };
 
@@ -17,7 +17,8 @@ use super::{
 #[command(after_help = "\
 Examples:
   rayburst bench rays sponza.gltf --peer embree=libembree4.so.4 --json rays.json
-  rayburst bench build sponza.gltf --peer embree=libembree4.so.4")]
+  rayburst bench build sponza.gltf --peer embree=libembree4.so.4
+  rayburst bench update --threads 2")]
 pub(crate) struct BenchArgs {
     #[command(subcommand)]
     pub(crate) kind: BenchKind,
@@ -28,6 +29,7 @@ pub(crate) struct BenchArgs {
 pub(crate) enum BenchKind {
     Rays(Box<BenchRaysArgs>),
     Build(Box<BenchBuildArgs>),
+    Update(Box<BenchUpdateArgs>),
 }
 
 /// Rays a second, by ray set, of this engine and of peers on the same geometry.
@@ -77,7 +79,43 @@ pub(crate) struct BenchBuildArgs {
     pub(crate) seconds: f32,
 }
 
-/// What all benchmarks take.
+/// What it takes to keep structures up to date with what moves: refits beside builds, instances,
+/// policies, particles.
+#[derive(clap::Args, Clone, Debug)]
+#[command(after_help = "\
+Examples:
+  rayburst bench update --threads 2 --json update.json
+  rayburst bench update --cases deform,twist dragon.ply")]
+pub(crate) struct BenchUpdateArgs {
+    /// Files or built-in scenes to deform and to twist [default: meshes made for it]
+    #[arg(value_name = "SCENE")]
+    pub(crate) scenes: Vec<String>,
+    /// What moves, with commas: deform (a mesh in waves), instances, twist (a mesh that twists
+    /// further every frame, by policy), particles [default: all]
+    #[arg(long, value_name = "LIST", value_parser = cases)]
+    pub(crate) cases: Option<CaseList>,
+    /// Triangles, instances and particles as a part of the usual 1,000,000 (200,000 that twist),
+    /// 100,000, and 100,000 and 1,000,000
+    #[arg(long, value_name = "F", default_value = "1", value_parser = scale)]
+    pub(crate) scale: f32,
+    /// Timed runs of each way; the median counts
+    #[arg(long, value_name = "N", default_value_t = 5,
+          value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1000))]
+    pub(crate) repeat: usize,
+    /// Least length of a timed run; short ones are repeated
+    #[arg(long, value_name = "S", default_value = "0.2", value_parser = values::positive)]
+    pub(crate) seconds: f32,
+    /// Threads that work [default: 1]
+    #[arg(long, value_name = "N", value_parser = values::threads)]
+    pub(crate) threads: Option<usize>,
+    /// File for the rows
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) instant: InstantArgs,
+}
+
+/// What all benchmarks of scenes take.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct BenchCommonArgs {
     /// Files or built-in scenes
@@ -151,6 +189,21 @@ pub(crate) struct PresetList(pub(crate) Vec<Preset>);
 fn presets(given: &str) -> Result<PresetList, String> {
     let all = Preset::ALL.map(|preset| (preset.name, preset));
     values::choices("preset", &all, given).map(PresetList)
+}
+
+/// A list of things that move.
+#[derive(Clone, Debug)]
+pub(crate) struct CaseList(pub(crate) Vec<UpdateCase>);
+
+fn cases(given: &str) -> Result<CaseList, String> {
+    values::choices("case", &UpdateCase::ALL, given).map(CaseList)
+}
+
+/// A part of usual numbers, small enough for memory.
+fn scale(given: &str) -> Result<f32, String> {
+    const MOST: f32 = 10.0;
+    let scale = values::positive(given)?;
+    if scale <= MOST { Ok(scale) } else { Err(format!("must not be above {MOST}")) }
 }
 
 /// A list of modes.

@@ -1,6 +1,7 @@
 //! `rayburst bench`: how fast, beside peers in the same process.
 
 mod plot;
+mod update;
 
 use std::{fs, path::Path};
 
@@ -24,6 +25,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
     match &args.kind {
         BenchKind::Rays(args) => rays(args),
         BenchKind::Build(args) => build(args),
+        BenchKind::Update(args) => update::run(args),
     }
 }
 

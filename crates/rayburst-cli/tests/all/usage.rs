@@ -2,7 +2,7 @@
 
 use crate::program::{Place, Ran, command};
 
-const VERBS: [&str; 10] = [
+const VERBS: [&str; 11] = [
     "render",
     "info",
     "scenes",
@@ -12,6 +12,7 @@ const VERBS: [&str; 10] = [
     "bench",
     "bench rays",
     "bench build",
+    "bench update",
     "completions",
 ];
 
@@ -62,6 +63,7 @@ fn unknown_names_list_the_known_ones_and_the_nearest() {
         ("bench rays --preset balancd", vec!["'balanced'", "fast"]),
         ("bench rays --mode calls", vec!["'call'", "auto"]),
         ("bench build --preset slow", vec!["fast, balanced"]),
+        ("bench update --cases twst", vec!["'twist'", "particles"]),
         ("furnace:rough=1", vec![]),
     ] {
         let ran = place.run(line);
@@ -133,6 +135,9 @@ fn values_out_of_range_are_refused() {
         "bench build --seconds 0",
         "bench build --threads 0",
         "bench build --plot build.exr",
+        "bench update --scale 0",
+        "bench update --scale 11",
+        "bench update --repeat 0",
         "completions",
     ] {
         let ran = place.run(line);

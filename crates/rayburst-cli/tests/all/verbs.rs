@@ -172,6 +172,34 @@ fn builds_are_benchmarked() {
 }
 
 #[test]
+fn updates_are_benchmarked() {
+    let place = Place::new();
+    let line = "bench update --scale 0.002 --repeat 1 --seconds 0.0001";
+    let ran = place.good(&format!("{line} --json rows.json"));
+    assert!(ran.stdout.contains("Minst/s") && ran.stdout.contains("times as fast"), "{ran:?}");
+    let rows: serde_json::Value = serde_json::from_slice(&place.read("rows.json")).unwrap();
+    let rows = rows.as_array().unwrap();
+    for row in rows {
+        assert_eq!(row["bench"], "update");
+        for text in ["case", "policy", "scene", "unit", "machine", "date"] {
+            assert!(row[text].is_string(), "{text}: {row}");
+        }
+        assert!(row["value"].as_f64() > Some(0.0) && row["min"].as_f64() <= row["max"].as_f64());
+    }
+    let of = |case: &str| rows.iter().filter(|row| row["case"] == case).collect::<Vec<_>>();
+    let [deform, instances, twist, particles] =
+        ["deform", "instances", "twist", "particles"].map(of);
+    let counts = [deform.len(), instances.len(), twist.len(), particles.len()];
+    assert_eq!(counts, [11, 10, 24, 24]);
+    assert!(instances.iter().all(|row| row["instances"] == 200));
+    assert!(twist.iter().all(|row| row["frames"] == 40));
+    let all = twist.iter().find(|row| row["policy"] == "rebuild").unwrap();
+    assert!(all["rebuilds"] == 40 && all["longest"].as_f64() >= all["value"].as_f64());
+    let ran = place.good(&format!("{line} cornell --cases deform,twist"));
+    assert!(ran.stdout.contains("cornell") && !ran.stdout.contains("Minst/s"), "{ran:?}");
+}
+
+#[test]
 fn an_inspected_path_is_the_renderers() {
     let place = Place::new();
     let numbers = |text: &str| -> Vec<f64> {
