@@ -20,7 +20,7 @@ use self::placements::Placements;
 use crate::{
     Blas, BuildError, BuildOptions, BuildStats, BvhDefect, CandidateFilter, Instance,
     InstanceFlags, TraceOptions, ValidationReport,
-    build::primitives::is_traceable,
+    build::{boxes::BoxLeaves, primitives::is_traceable},
     layout::{
         bvh8::{Bvh8, Leaves},
         view::TreeView,
@@ -237,7 +237,7 @@ impl Tlas {
             &self.tree,
             self.instances.len() as u32,
             self.stats.primitives,
-            InstanceLeaves::HALF_LINES,
+            BoxLeaves::HALF_LINES,
             |value| {
                 let instance = &self.instances[value as usize];
                 let bounds = placed_bounds(instance, &self.blases, Blas::triangle_bounds);
@@ -312,19 +312,6 @@ fn world_bounds(bounds: &Aabb, to_world: &DAffine3) -> Aabb {
     let half = abs(&to_world.matrix3) * (0.5 * (upper - lower));
     let (least, greatest) = (centre - half, centre + half);
     Aabb { lower: least.as_vec3().map(f32::next_down), upper: greatest.as_vec3().map(f32::next_up) }
-}
-
-/// Leaves that are instances: the reference says which, and nothing is stored.
-struct InstanceLeaves;
-
-impl Leaves for InstanceLeaves {
-    const HALF_LINES: usize = 0;
-
-    fn place(&self, primitives: &[u32], _: u32) -> u32 {
-        primitives[0]
-    }
-
-    fn write(&self, _: &[u32], _: &mut [u32]) {}
 }
 
 impl Structure for Tlas {

@@ -214,7 +214,8 @@ impl Subject<'_> {
         table.miss(|_, cosine| (cosine, Next::Done));
         let surface = PortableHitGroup::triangles("surface").closest_hit(move |hit, _| {
             let shaded = self.shade(hit.ray.ray, hit.hit.t, hit.hit.primitive);
-            let (flags, mask, ray) = (RayFlags::ACCEPT_FIRST_HIT_AND_END_SEARCH, 0xFF, shaded.towards);
+            let (flags, mask, ray) =
+                (RayFlags::ACCEPT_FIRST_HIT_AND_END_SEARCH, 0xFF, shaded.towards);
             (shaded.cosine, Next::Trace(TraceRequest { ray_type: shadow, flags, mask, ray }))
         });
         let occluder =
@@ -338,13 +339,8 @@ mod tests {
         let bounds = mesh.bounds();
         let eye = bounds.centre().with_z(bounds.upper.z + 1.5 * bounds.diagonal());
         let camera = Camera::look_at(eye, bounds.centre(), Vec3::Y, 0.6);
-        let options = PipelineBench {
-            threads: 1,
-            repeats: 1,
-            seconds: 0.0,
-            size: 40,
-            forms: vec![],
-        };
+        let options =
+            PipelineBench { threads: 1, repeats: 1, seconds: 0.0, size: 40, forms: vec![] };
         let mut reported = 0;
         let rows = bench_pipelines("cornell", &mesh, &camera, &options, &mut |_| reported += 1);
         let rows = rows.unwrap();

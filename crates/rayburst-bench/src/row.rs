@@ -10,7 +10,7 @@ pub const GEOMETRIC_MEAN: &str = "geometric mean";
 /// A row of a benchmark's JSON array; fields that a benchmark does not have are left out.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Row {
-    /// Which benchmark: `rays`, `build` or `update`.
+    /// Which benchmark: `rays`, `build`, `update` or `pipeline`.
     pub bench: &'static str,
     /// Name of the scene, or `geometric mean`.
     pub scene: String,

@@ -3,6 +3,7 @@
 pub(crate) mod binned_sah;
 mod bins;
 mod bounds;
+pub(crate) mod boxes;
 mod clip;
 pub(crate) mod clusters;
 pub(crate) mod curve_order;

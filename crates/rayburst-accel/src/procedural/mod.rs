@@ -7,17 +7,18 @@
 mod top;
 mod visit;
 
+use glam::Vec4;
 use rayburst_math::Aabb;
 
 pub(crate) use top::ProceduralTop;
 pub use visit::ProceduralCandidate;
 
 use crate::{
-    BuildError, BuildOptions, BuildQuality, BuildStats, BvhDefect, Geometry,
+    BuildError, BuildOptions, BuildStats, BvhDefect, Geometry,
     build::{
-        binned_sah::{BinnedSah, MAX_DEPTH},
+        boxes::{BoxLeaves, Boxes, twice_the_centre},
         monitor::Monitor,
-        primitives::{MAX_PRIMITIVES, PrimitiveRef, is_traceable},
+        primitives::{MAX_PRIMITIVES, is_traceable},
     },
     layout::{
         bvh8::{Bvh8, Leaves},
@@ -38,19 +39,6 @@ pub(crate) struct ProceduralTree {
     primitives: usize,
 }
 
-/// Leaves that are boxes: the reference says which, and nothing is stored.
-pub(crate) struct BoxLeaves;
-
-impl Leaves for BoxLeaves {
-    const HALF_LINES: usize = 0;
-
-    fn place(&self, primitives: &[u32], _: u32) -> u32 {
-        primitives[0]
-    }
-
-    fn write(&self, _: &[u32], _: &mut [u32]) {}
-}
-
 /// Whether a primitive in the box can be met.
 fn is_active(bounds: &Aabb) -> bool {
     !bounds.is_empty() && is_traceable(bounds)
@@ -62,35 +50,33 @@ impl ProceduralTree {
         geometries: &[Geometry<'_>],
         options: &BuildOptions<'_>,
     ) -> Result<Option<Self>, BuildError> {
-        let mut starts = vec![0];
-        let mut refs = vec![];
-        let mut total = 0usize;
+        if geometries.iter().all(|geometry| matches!(geometry, Geometry::Triangles(_))) {
+            return Ok(None);
+        }
+        let monitor = Monitor::new(options.control);
+        monitor.check()?;
+        let (mut starts, mut boxes) = (vec![0], vec![]);
         for geometry in geometries {
             if let Geometry::Procedural(geometry) = geometry {
-                let count = total + geometry.boxes.len();
+                let count = boxes.len() + geometry.boxes.len();
                 if count > MAX_PRIMITIVES {
                     let (what, limit) = ("procedural primitives", MAX_PRIMITIVES);
                     return Err(BuildError::TooMany { what, count, limit });
                 }
-                let boxes = geometry.boxes.iter().zip(total as u32..);
-                let active = boxes.filter(|(bounds, _)| is_active(bounds));
-                refs.extend(active.map(|(bounds, index)| PrimitiveRef::new(bounds, index)));
-                total = count;
+                let active = |b: &Aabb| if is_active(b) { *b } else { Aabb::EMPTY };
+                boxes.extend(geometry.boxes.iter().map(active));
             }
-            starts.push(total as u32);
+            starts.push(boxes.len() as u32);
         }
-        if geometries.iter().all(|geometry| matches!(geometry, Geometry::Triangles(_))) {
-            return Ok(None);
+        let (mut primitives, mut centres) = (0, [Vec4::INFINITY, Vec4::NEG_INFINITY]);
+        for bounds in boxes.iter().filter(|bounds| !bounds.is_empty()) {
+            let centre = twice_the_centre(bounds);
+            centres = [centres[0].min(centre), centres[1].max(centre)];
+            primitives += 1;
         }
-        let bins = if options.quality == BuildQuality::Fast { 8 } else { 32 };
-        let monitor = Monitor::new(options.control);
-        monitor.check()?;
-        let primitives = refs.len();
-        let binary = BinnedSah { bins, leaf_size: 1, max_depth: MAX_DEPTH, monitor };
-        let binary = binary.build(refs)?;
-        // A cancelled tree has leaves of any size.
-        monitor.check()?;
-        let tree = Bvh8::collapse(&binary, &BoxLeaves)?;
+        let (count, bounds_of) = (boxes.len(), |index| boxes[index as usize]);
+        let tree =
+            Boxes { count, active: primitives, centres, bounds_of }.tree(options, monitor)?;
         let opaque = geometries.iter().map(|geometry| geometry.info().opaque).collect();
         Ok(Some(Self { tree, starts, opaque, primitives }))
     }

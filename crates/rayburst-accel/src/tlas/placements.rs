@@ -1,27 +1,21 @@
 //! Where all instances are, and the tree over their boxes.
 
-use std::sync::{Arc, atomic::AtomicU64};
+use std::sync::Arc;
 
 use glam::{Affine3A, Vec3, Vec4};
 use rayburst_math::Aabb;
 use rayon::prelude::*;
 
-use super::{InstanceLeaves, Placed, place};
+use super::{Placed, place};
 use crate::{
-    Blas, BuildError, BuildOptions, BuildQuality, Instance,
+    Blas, BuildError, BuildOptions, Instance,
     build::{
-        binned_sah::{BinnedSah, MAX_DEPTH},
+        boxes::{Boxes, TASK, twice_the_centre},
         monitor::Monitor,
-        morton::{Grid, INACTIVE, Keys},
-        primitives::{MAX_PRIMITIVES, PrimitiveRef},
+        primitives::MAX_PRIMITIVES,
     },
     layout::bvh8::Bvh8,
 };
-
-/// Instances that one task works on, at least.
-const TASK: usize = 1 << 10;
-/// So few instances are not worth a sort along a curve.
-const FEW: usize = 64;
 
 /// All instances in the world.
 pub(crate) struct Placements {
@@ -81,10 +75,6 @@ impl Summary {
             centres: [lower.min(other_lower), upper.max(other_upper)],
         }
     }
-}
-
-fn twice_the_centre(bounds: &Aabb) -> Vec4 {
-    (bounds.lower + bounds.upper).extend(0.0)
 }
 
 /// Whether there can be so many instances, and their BLASes are there.
@@ -173,36 +163,9 @@ impl Placements {
 
     /// Builds the tree over the boxes.
     pub(crate) fn tree(&self, options: &BuildOptions<'_>) -> Result<Bvh8, BuildError> {
-        if options.quality == BuildQuality::Fast && self.summary.active > FEW {
-            return Bvh8::over_boxes(&self.keys(options), |index| self.bounds(index), 8);
-        }
-        let monitor = Monitor::default();
-        let binary = BinnedSah { bins: 16, leaf_size: 1, max_depth: MAX_DEPTH, monitor };
-        let binary = binary.build(self.references())?;
-        Bvh8::collapse(&binary, &InstanceLeaves)
-    }
-
-    fn references(&self) -> Vec<PrimitiveRef> {
-        let spots = self.spots.par_iter().with_min_len(TASK).enumerate();
-        let reference =
-            |(index, spot): (usize, &Spot)| PrimitiveRef::new(&spot.bounds, index as u32);
-        if self.summary.active == self.spots.len() {
-            return spots.map(reference).collect();
-        }
-        spots.filter(|(_, spot)| !spot.bounds.is_empty()).map(reference).collect()
-    }
-
-    fn keys(&self, options: &BuildOptions<'_>) -> Keys {
-        let [lower, upper] = self.summary.centres;
-        let grid = Grid::new(lower, upper, options.curve);
-        let key = |(index, spot): (usize, &Spot)| {
-            let key = if spot.bounds.is_empty() {
-                INACTIVE
-            } else {
-                grid.key(twice_the_centre(&spot.bounds), index as u32)
-            };
-            AtomicU64::new(key)
-        };
-        Keys::sort(self.spots.par_iter().with_min_len(TASK).enumerate().map(key).collect())
+        let Summary { active, centres, .. } = self.summary;
+        let bounds_of = |index| self.bounds(index);
+        let boxes = Boxes { count: self.spots.len(), active, centres, bounds_of };
+        boxes.tree(options, Monitor::default())
     }
 }

@@ -4,7 +4,8 @@
 use std::{sync::Arc, time::Instant};
 
 use glam::{Affine3A, Vec3};
-use rayburst_accel::{Blas, BuildOptions, Instance, TriangleMesh};
+use rayburst_accel::{Blas, BuildOptions, Geometry, Instance, ProceduralBoxes, TriangleMesh};
+use rayburst_math::Aabb;
 use rayburst_scene::shapes::Shape;
 
 use super::{
@@ -34,8 +35,9 @@ struct Way {
 }
 
 /// All ways: whatever else can hold boxes is added here.
-const WAYS: [Way; 2] = [
+const WAYS: [Way; 3] = [
     Way { name: "instances", measure: as_instances, most: usize::MAX },
+    Way { name: "procedural", measure: as_procedural, most: usize::MAX },
     Way { name: "mesh", measure: as_a_mesh, most: MOST_IN_A_MESH },
 ];
 
@@ -73,6 +75,30 @@ fn as_instances(
     let frames: Vec<Vec<_>> = (0..FRAMES).map(|i| swarm.at(i).map(place).collect()).collect();
     let mut contenders = instances::contenders(bench, &blas, &frames)?;
     let subject = Subject { triangles: mesh.indices.len(), ..subject };
+    Ok(bench.rates(&subject, "Minst/s", &mut contenders)?.0)
+}
+
+/// Each box is a procedural primitive.
+fn as_procedural(
+    bench: &Bench<'_>,
+    swarm: &Swarm,
+    subject: Subject,
+) -> Result<Vec<Row>, BenchError> {
+    let half = Vec3::splat(SIZE);
+    let around = |at: Vec3| Aabb { lower: at - half, upper: at + half };
+    let frames: Vec<Vec<_>> = (0..FRAMES).map(|i| swarm.at(i).map(around).collect()).collect();
+    let rebuild = |(name, options): (&str, BuildOptions<'static>)| {
+        let frames = &frames;
+        let step = move |frame: usize| {
+            let begin = Instant::now();
+            let boxes = Geometry::from(ProceduralBoxes::new(&frames[frame % FRAMES]));
+            let blas = bench.pool.install(|| Blas::of_geometries(&[boxes], &options))?;
+            let seconds = begin.elapsed().as_secs_f64();
+            Ok(Step { seconds, sah_cost: Some(blas.stats().sah_cost) })
+        };
+        Contender { policy: format!("rebuild:{name}"), step: Box::new(step) }
+    };
+    let mut contenders = presets().map(rebuild);
     Ok(bench.rates(&subject, "Minst/s", &mut contenders)?.0)
 }
 

@@ -30,6 +30,7 @@ pub(crate) enum BenchKind {
     Rays(Box<BenchRaysArgs>),
     Build(Box<BenchBuildArgs>),
     Update(Box<BenchUpdateArgs>),
+    Pipeline(Box<BenchPipelineArgs>),
 }
 
 /// Rays a second, by ray set, of this engine and of peers on the same geometry.
@@ -111,6 +112,39 @@ pub(crate) struct BenchUpdateArgs {
     /// File for the rows
     #[arg(long, value_name = "FILE")]
     pub(crate) json: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) instant: InstantArgs,
+}
+
+/// Rays a second through shaders, beside queries without them: eye rays and shadow rays, the same
+/// shading in every form.
+#[derive(clap::Args, Clone, Debug)]
+#[command(after_help = "\
+Example:
+  rayburst bench pipeline sponza.gltf --json pipeline.json")]
+pub(crate) struct BenchPipelineArgs {
+    /// Files or built-in scenes
+    #[arg(value_name = "SCENE", default_value = rayburst::scene::builtin::DEFAULT)]
+    pub(crate) scenes: Vec<String>,
+    /// Timed runs of each form; the median counts
+    #[arg(long, value_name = "N", default_value_t = 5,
+          value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1000))]
+    pub(crate) repeat: usize,
+    /// Least length of a timed run
+    #[arg(long, value_name = "S", default_value = "0.5", value_parser = values::positive)]
+    pub(crate) seconds: f32,
+    /// Side of the square picture
+    #[arg(long, value_name = "N", default_value_t = 1024,
+          value_parser = clap::value_parser!(u32).range(8..=8192))]
+    pub(crate) resolution: u32,
+    /// Threads that trace [default: 1]
+    #[arg(long, value_name = "N", value_parser = values::threads)]
+    pub(crate) threads: Option<usize>,
+    /// File for the rows
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) camera: CameraArgs,
     #[command(flatten)]
     pub(crate) instant: InstantArgs,
 }

@@ -1,5 +1,6 @@
 //! `rayburst bench`: how fast, beside peers in the same process.
 
+mod pipeline;
 mod plot;
 mod update;
 
@@ -26,6 +27,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
         BenchKind::Rays(args) => rays(args),
         BenchKind::Build(args) => build(args),
         BenchKind::Update(args) => update::run(args),
+        BenchKind::Pipeline(args) => pipeline::run(args),
     }
 }
 

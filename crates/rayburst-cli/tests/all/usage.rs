@@ -2,7 +2,7 @@
 
 use crate::program::{Place, Ran, command};
 
-const VERBS: [&str; 11] = [
+const VERBS: [&str; 12] = [
     "render",
     "info",
     "scenes",
@@ -13,6 +13,7 @@ const VERBS: [&str; 11] = [
     "bench rays",
     "bench build",
     "bench update",
+    "bench pipeline",
     "completions",
 ];
 

@@ -172,6 +172,21 @@ fn builds_are_benchmarked() {
 }
 
 #[test]
+fn pipelines_are_benchmarked() {
+    let place = Place::new();
+    let line = "bench pipeline cornell --repeat 1 --seconds 0.0001 --resolution 24 --json p.json";
+    let ran = place.good(line);
+    for form in ["query", "batch", "portable", "recursive:4", "any-hit", "recursive:256"] {
+        assert!(ran.stdout.contains(form), "{form}: {}", ran.stdout);
+    }
+    let rows: serde_json::Value = serde_json::from_slice(&place.read("p.json")).unwrap();
+    let rows = rows.as_array().unwrap();
+    assert_eq!(rows.len(), 9);
+    assert!(rows.iter().all(|row| row["bench"] == "pipeline" && row["unit"] == "Mrays/s"));
+    assert!(rows[1..].iter().all(|row| row["ratio"].as_f64() > Some(0.0)));
+}
+
+#[test]
 fn updates_are_benchmarked() {
     let place = Place::new();
     let line = "bench update --scale 0.002 --repeat 1 --seconds 0.0001";
