@@ -317,7 +317,12 @@ pub(crate) fn place(instance: &Instance, object_bounds: &Aabb) -> Placement {
         to_object.matrix3.z_axis.as_vec3().into(),
         to_object.translation.as_vec3().into(),
     );
-    if object_bounds.is_empty() || !to_world.is_finite() || !inverse.is_finite() {
+    if !to_world.is_finite() || !inverse.is_finite() {
+        return never;
+    }
+    // Without triangles there may still be procedural primitives, whose rays need the inverse.
+    let never = Placement { inverse, ..never };
+    if object_bounds.is_empty() {
         return never;
     }
     let bounds = world_bounds(object_bounds, &to_world);
