@@ -9,7 +9,8 @@ use rayburst_accel::{
 };
 use rayburst_math::{Aabb, Ray};
 use rayburst_pipeline::{
-    AnyHit, AnyHitResult, Barycentrics, ClosestHit, HitGroup, Intersection, ShaderTable,
+    AnyHit, AnyHitResult, Barycentrics, ClosestHit, HitGroup, Intersection, MAX_RECURSION_DEPTH,
+    RayGenerationId, ShaderTable,
 };
 
 use crate::{
@@ -137,7 +138,10 @@ fn of_triangle(attributes: Barycentrics) -> DVec3 {
 }
 
 /// The point; all eight numbers must be those of one report.
-fn of_solid([x, y, z, t, instance, geometry, primitive, kind]: SolidAttributes, seen: [f32; 5]) -> DVec3 {
+fn of_solid(
+    [x, y, z, t, instance, geometry, primitive, kind]: SolidAttributes,
+    seen: [f32; 5],
+) -> DVec3 {
     assert_eq!([t, instance, geometry, primitive, kind], seen, "attributes of another hit");
     Vec3::new(x, y, z).as_dvec3()
 }
@@ -209,9 +213,10 @@ fn solid_group<'s>(
 pub fn run(scene: &Scene, table: &Table, rays: &[model::Ray], tlas: &Tlas) -> Vec<Seen> {
     let (notes, answers) = (Notes::default(), Mutex::new(vec![Seen::default(); rays.len()]));
     let mut shaders = ShaderTable::new();
-    let ray_types = table.ray_types.iter().map(|t| {
-        shaders.ray_type::<Seen>("ray", t.contribution, t.multiplier, t.miss)
-    });
+    let ray_types = table
+        .ray_types
+        .iter()
+        .map(|t| shaders.ray_type::<Seen>("ray", t.contribution, t.multiplier, t.miss));
     let ray_types: Vec<_> = ray_types.collect();
     for (&has_shader, index) in table.misses.iter().zip(0..) {
         let at = if has_shader {
@@ -250,6 +255,12 @@ pub fn run(scene: &Scene, table: &Table, rays: &[model::Ray], tlas: &Tlas) -> Ve
         answers[launch as usize].intersections.push((place, record));
     }
     answers
+}
+
+/// Runs one launch that must not fail.
+pub fn once(table: ShaderTable<'_>, tlas: &Tlas, shader: RayGenerationId) {
+    let pipeline = table.build(MAX_RECURSION_DEPTH).expect("the table fits");
+    pipeline.dispatch_rays(tlas, shader, 1, 1, 1).expect("the launch does not fail");
 }
 
 /// How often things happened: a test of nothing is none.

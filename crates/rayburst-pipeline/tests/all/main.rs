@@ -8,4 +8,12 @@ mod model;
 mod scenes;
 mod solids;
 
+mod dispatch_rays;
+mod geometry_flags;
+mod instance_flags;
+mod instance_masking;
+mod ray_extents;
 mod ray_flags;
+mod shader_table_indexing;
+mod trace_ray;
+mod winding_and_culling;

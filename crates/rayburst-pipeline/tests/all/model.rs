@@ -240,8 +240,11 @@ pub struct Expected {
     /// Indices of candidates at which the ray may stop; one of them unless the order of hits matters.
     pub stops: Vec<Option<usize>>,
     may_end: bool,
+    ends_at_first: bool,
     skips_closest_hit: bool,
     miss: Option<u32>,
+    /// Whether any hit shaders may be asked again of what they ignored, as after spatial splits.
+    pub may_repeat: bool,
 }
 
 /// The ray comes too near to an edge, a silhouette or the end of an interval for `f32` and `f64` to agree.
@@ -283,8 +286,10 @@ pub fn expect(scene: &Scene, table: &Table, ray: &Ray) -> Result<Expected, Uncle
         boxes: vec![],
         stops: vec![],
         may_end: false,
+        ends_at_first: has(ray, flag::ACCEPT_FIRST),
         skips_closest_hit: has(ray, flag::SKIP_CLOSEST_HIT),
         miss: None,
+        may_repeat: false,
     };
     let ray_type = table.ray_types[ray.ray_type];
     if table.misses[ray_type.miss as usize] {
@@ -311,12 +316,21 @@ pub fn expect(scene: &Scene, table: &Table, ray: &Ray) -> Result<Expected, Uncle
                 Shape::Triangles(triangles) if !has(ray, flag::SKIP_TRIANGLES) => {
                     for (corners, primitive) in triangles.iter().zip(0..) {
                         let place = place(primitive);
-                        expected.try_triangle(table, &local, instance, place, record, opaque, corners)?;
+                        expected.try_triangle(
+                            table, &local, instance, place, record, opaque, corners,
+                        )?;
                     }
                 }
                 Shape::Solids(solids) if !has(ray, flag::SKIP_PROCEDURAL) => {
                     for (solid, primitive) in solids.iter().zip(0..) {
-                        expected.try_solid(table, &local, place(primitive), record, opaque, solid)?;
+                        expected.try_solid(
+                            table,
+                            &local,
+                            place(primitive),
+                            record,
+                            opaque,
+                            solid,
+                        )?;
                     }
                 }
                 _ => {}
@@ -462,10 +476,21 @@ impl Expected {
         for candidate in self.candidates.iter().filter(|candidate| candidate.asks) {
             let times = seen.any_hits.iter().filter(|e| is_same(e, &candidate.event)).count();
             let must = candidate.event.t == end || (candidate.event.t < end && !self.may_end);
-            if times > 1 || (must && times == 0) {
+            let most = if self.may_repeat { usize::MAX } else { 1 };
+            if times > most || (must && times == 0) {
                 return Err(format!("{times} calls of any hit shaders for {candidate:?}"));
             }
             total += times;
+            // What ends the search is the last that is asked, and the ray stops there.
+            let ends = candidate.decision == Decision::End
+                || (candidate.decision == Decision::Accept && self.ends_at_first);
+            if ends && times > 0 {
+                let is_last =
+                    seen.any_hits.last().is_some_and(|last| is_same(last, &candidate.event));
+                if !is_last || candidate.event.t != end {
+                    return Err(format!("the search went on after {candidate:?}"));
+                }
+            }
         }
         if total != seen.any_hits.len() {
             return Err("any hit shaders for what cannot be hit".to_owned());

@@ -17,14 +17,20 @@ fn check_with(flags: u32, policy: impl Fn(usize) -> Policy) -> Tally {
 fn check(flags: u32) {
     let tally = check_with(flags, without_ends);
     check_with(flags, with_ends);
+    let silent = check_with(flags, |_| Policy::Absent);
+    assert_eq!(silent.any_hits, 0);
     let has = |flag: u32| flags & flag != 0;
     // What the flags forbid never happens, all else does.
-    let nothing = (has(flag::CULL_OPAQUE) && (has(flag::CULL_NON_OPAQUE) || has(flag::FORCE_OPAQUE)))
+    let nothing = (has(flag::CULL_OPAQUE)
+        && (has(flag::CULL_NON_OPAQUE) || has(flag::FORCE_OPAQUE)))
         || (has(flag::CULL_NON_OPAQUE) && has(flag::FORCE_NON_OPAQUE) && !has(flag::FORCE_OPAQUE))
         || (has(flag::SKIP_TRIANGLES) && has(flag::SKIP_PROCEDURAL));
     let procedural = !nothing && !has(flag::SKIP_PROCEDURAL);
     assert_eq!(tally.closest_hits > 0, !nothing && !has(flag::SKIP_CLOSEST_HIT), "{tally:?}");
-    assert_eq!(tally.any_hits > 0, !nothing && !has(flag::FORCE_OPAQUE) && !has(flag::CULL_NON_OPAQUE));
+    assert_eq!(
+        tally.any_hits > 0,
+        !nothing && !has(flag::FORCE_OPAQUE) && !has(flag::CULL_NON_OPAQUE)
+    );
     assert_eq!(tally.intersections > 0, procedural, "{tally:?}");
     assert!(tally.misses > 0, "{tally:?}");
 }

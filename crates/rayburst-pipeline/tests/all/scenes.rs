@@ -1,6 +1,6 @@
 //! Scenes and rays of the suite.
 
-use glam::{Affine3A, DAffine3, DVec3, Mat3, Quat, Vec3};
+use glam::{DAffine3, DVec3, Mat3, Quat, Vec3};
 
 use crate::{
     model::{Expected, Geometry, Instance, Policy, Ray, RayType, Scene, Shape, Table, expect},
@@ -38,14 +38,6 @@ impl Random {
 /// A transform with numbers that `f32` holds.
 pub fn transform(matrix: Mat3, translation: Vec3) -> DAffine3 {
     DAffine3 { matrix3: matrix.as_dmat3(), translation: translation.as_dvec3() }
-}
-
-/// The same for the engine.
-pub fn in_f32(transform: &DAffine3) -> Affine3A {
-    Affine3A::from_mat3_translation(
-        transform.matrix3.as_mat3(),
-        transform.translation.as_vec3(),
-    )
 }
 
 pub fn triangles(triangles: Vec<[DVec3; 3]>, opaque: bool) -> Geometry {
@@ -160,7 +152,9 @@ pub fn rays(
     let mut random = Random(seed);
     let mut found = vec![];
     for _ in 0..200 * count {
-        let (origin, target) = (random.in_cube(7.0), random.in_cube(3.5));
+        let instance = &scene.instances[random.below(scene.instances.len())];
+        let origin = random.in_cube(7.0);
+        let target = instance.transform.transform_point3(random.in_cube(1.2));
         let length = [0.25, 1.0, 1.0, 3.0][random.below(4)];
         let direction = ((target - origin).normalize() * length).as_vec3().as_dvec3();
         let (t_min, t_max) = match random.below(4) {

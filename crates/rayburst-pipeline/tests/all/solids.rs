@@ -38,11 +38,7 @@ impl Solid {
     }
 
     /// Where a ray enters and leaves.
-    pub fn meet(
-        &self,
-        origin: DVec3,
-        direction: DVec3,
-    ) -> Result<Option<(f64, f64)>, Unclear> {
+    pub fn meet(&self, origin: DVec3, direction: DVec3) -> Result<Option<(f64, f64)>, Unclear> {
         match self.form {
             Form::Ball => {
                 let radius = self.radius();
