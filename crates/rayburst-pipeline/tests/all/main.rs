@@ -8,12 +8,16 @@ mod model;
 mod scenes;
 mod solids;
 
+mod any_hit;
+mod callable;
 mod dispatch_rays;
 mod geometry_flags;
 mod instance_flags;
 mod instance_masking;
+mod intersection;
 mod ray_extents;
 mod ray_flags;
+mod recursion;
 mod shader_table_indexing;
 mod trace_ray;
 mod winding_and_culling;
