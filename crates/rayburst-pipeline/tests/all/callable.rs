@@ -1,11 +1,11 @@
 //! Callable shaders and `CallShader`.
 
-use std::sync::Mutex;
+use std::sync::{Mutex, OnceLock};
 
 use glam::{UVec3, Vec3};
 use rayburst_accel::RayFlags;
 use rayburst_math::Ray;
-use rayburst_pipeline::{Callable, CallableId, DispatchError, HitGroup, RwBuffer, ShaderTable};
+use rayburst_pipeline::{CallableId, DispatchError, HitGroup, RwBuffer, ShaderTable};
 
 use crate::{
     dispatch_rays::{nothing, with_threads},
@@ -92,17 +92,16 @@ fn launch_index_and_dimensions() {
 /// What a shader that calls itself `depth` times counts, and what the dispatch says.
 fn nested(depth: u32) -> (u32, Result<(), DispatchError>) {
     let count = RwBuffer::<u32>::new(1);
-    // The first handle of any table is that of a shader's own, once it is added.
-    let handle: CallableId<u32> = ShaderTable::new().callable(|_, _: &mut u32| {});
+    let own = OnceLock::new();
     let mut table = ShaderTable::new();
-    let all = &count;
-    table.callable(move |shader: &Callable<'_>, left: &mut u32| {
-        all.atomic_add(0, 1);
+    let handle: CallableId<u32> = table.callable(|shader, left: &mut u32| {
+        count.atomic_add(0, 1);
         *left -= 1;
-        if *left > 0 {
-            shader.call_shader(handle, left);
+        if let Some(own) = own.get().filter(|_| *left > 0) {
+            shader.call_shader(*own, left);
         }
     });
+    own.set(handle).unwrap();
     let generate = table.ray_generation(|launch| launch.call_shader(handle, &mut depth.clone()));
     let result = table.build(0).unwrap().dispatch_rays(&nothing(), generate, 1, 1, 1);
     (count.load(0), result)
@@ -127,9 +126,14 @@ fn recursion_of_32_fails() {
 
 #[test]
 fn the_first_failing_launch_is_named() {
+    let own = OnceLock::new();
     let mut table = ShaderTable::new();
-    let handle: CallableId<u32> = ShaderTable::new().callable(|_, _: &mut u32| {});
-    table.callable(move |shader, data: &mut u32| shader.call_shader(handle, data));
+    let handle: CallableId<u32> = table.callable(|shader, data: &mut u32| {
+        if let Some(own) = own.get() {
+            shader.call_shader(*own, data);
+        }
+    });
+    own.set(handle).unwrap();
     let generate = table.ray_generation(|launch| {
         let at = launch.launch_index();
         if at.x + at.y >= 9 {
