@@ -316,8 +316,20 @@ fn triangles_shorten_the_interval() {
         let found = crate::scenes::clear(&scene, &table, down(5.0));
         let stop = found.1.stops[0].map(|at| found.1.candidates[at].event.place.geometry);
         assert_eq!(stop, Some(u32::from(!is_met)));
-        verify(&scene, &table, &[found]);
+        // Triangles come first: a box behind the nearest is not asked about.
+        let tally = verify(&scene, &table, &[found]);
+        assert_eq!(tally.intersections, usize::from(is_met));
     }
+}
+
+/// Accepted hits shorten the interval for other boxes too.
+#[test]
+fn accepted_hits_shorten_the_interval() {
+    let balls = (0..64).map(|n| ball(-f64::from(n), 0.25)).collect();
+    let scene = scene_of(vec![vec![solids(balls, true)]]);
+    let table = Table::fit(&scene, &ONE_TYPE, |_| Policy::Absent);
+    let tally = verify(&scene, &table, &[crate::scenes::clear(&scene, &table, down(5.0))]);
+    assert!(tally.intersections < 16, "{tally:?}");
 }
 
 /// Of hits at one distance the least indices win, whatever is asked first.
