@@ -289,6 +289,7 @@ pub(crate) fn place(instance: &Instance, object_bounds: &Aabb) -> Placement {
     if !to_world.is_finite() || !inverse.is_finite() {
         return never;
     }
+    // Without triangles there may still be procedural primitives, whose rays need the inverse.
     if object_bounds.is_empty() {
         return Placement { inverse, ..never };
     }

@@ -85,7 +85,7 @@ impl<'s, P: 'static, A: Pod, R> HitGroup<'s, P, A, R> {
         name: &str,
         intersection: impl Fn(&mut Intersection<'_, '_, P, A, R>) + Send + Sync + 's,
     ) -> Self {
-        const { assert!(size_of::<A>() <= MAX_ATTRIBUTE_BYTES, "attributes of more than 32 bytes") };
+        const { assert!(size_of::<A>() <= MAX_ATTRIBUTE_BYTES) };
         Self {
             name: name.into(),
             kind: GeometryKind::Procedural,

@@ -22,16 +22,13 @@ pub struct RwBuffer<T> {
 impl<T: NoUninit + AnyBitPattern> RwBuffer<T> {
     /// Words of an element. Types whose size is no multiple of four bytes do not compile.
     const WORDS: usize = {
-        assert!(
-            size_of::<T>() > 0 && size_of::<T>().is_multiple_of(4),
-            "elements are of whole words"
-        );
+        assert!(size_of::<T>() > 0 && size_of::<T>().is_multiple_of(4));
         size_of::<T>() / 4
     };
 
     /// So many elements of zero bytes.
     pub fn new(len: usize) -> Self {
-        let words = (0..len * Self::WORDS).map(|_| AtomicU32::new(0)).collect();
+        let words = (0..len.saturating_mul(Self::WORDS)).map(|_| AtomicU32::new(0)).collect();
         Self { words, element: PhantomData }
     }
 

@@ -1,0 +1,5 @@
+use rayburst_pipeline::RwBuffer;
+
+fn main() {
+    RwBuffer::<u16>::new(4);
+}

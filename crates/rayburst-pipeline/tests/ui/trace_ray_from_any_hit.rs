@@ -1,0 +1,14 @@
+use rayburst_accel::RayFlags;
+use rayburst_math::Ray;
+use rayburst_pipeline::{HitGroup, ShaderTable};
+
+fn main() {
+    let mut table = ShaderTable::new();
+    let ray_type = table.ray_type::<u32>("ray", 0, 1, 0);
+    let ray = Ray::new(glam::Vec3::ZERO, glam::Vec3::Z);
+    let group = HitGroup::triangles("triangles").any_hit(move |hit, payload: &mut u32| {
+        hit.trace_ray(ray_type, RayFlags::empty(), 0xFF, &ray, payload);
+        hit.accept_hit()
+    });
+    table.hit(&group, ());
+}

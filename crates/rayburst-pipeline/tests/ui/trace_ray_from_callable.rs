@@ -1,0 +1,12 @@
+use rayburst_accel::RayFlags;
+use rayburst_math::Ray;
+use rayburst_pipeline::ShaderTable;
+
+fn main() {
+    let mut table = ShaderTable::new();
+    let ray_type = table.ray_type::<u32>("ray", 0, 1, 0);
+    let ray = Ray::new(glam::Vec3::ZERO, glam::Vec3::Z);
+    table.callable(move |shader, data: &mut u32| {
+        shader.trace_ray(ray_type, RayFlags::empty(), 0xFF, &ray, data);
+    });
+}
