@@ -4,6 +4,8 @@
 //! transforms. Both answer *closest hit*, *any hit*, *all hits* and *nearest hits* (the first few of
 //! all), for one ray or for a batch: batches are the normal case, plain slices without an allocation
 //! per ray, run on the calling thread. This crate knows no material: alpha comes in as a [`CandidateFilter`].
+//! Beside triangles there may be procedural primitives, boxes of which only the caller knows what is in
+//! them: `procedural_candidates` tells which a ray meets.
 //!
 //! What holds for every structure, instruction set and mode:
 //! - Hits have `t_min ≤ t ≤ t_max`; `t` is in units of the ray's direction, through instances too.

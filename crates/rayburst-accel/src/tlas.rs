@@ -146,7 +146,7 @@ impl Tlas {
                 identity: instance.transform == Affine3A::IDENTITY,
             })
             .collect();
-        let procedural = ProceduralTop::build(&blases, instances)?;
+        let procedural = ProceduralTop::build(&blases, instances, &placements)?;
         let stats = BuildStats {
             primitives,
             inactive: instances.len() - primitives,
@@ -175,9 +175,12 @@ impl Tlas {
         })
     }
 
-    /// What the build made.
+    /// What the build made, of the trees over triangles and over procedural primitives together.
     pub fn stats(&self) -> BuildStats {
-        self.stats
+        match &self.procedural {
+            Some(procedural) => procedural.add_to(self.stats),
+            None => self.stats,
+        }
     }
 
     /// The box around all instances that can be hit, in the world; empty if there are none.
@@ -277,7 +280,7 @@ impl Tlas {
 
     /// Proves the structure, not its BLASes.
     pub fn validate(&self) -> Result<ValidationReport, BvhDefect> {
-        validate::tree(
+        let report = validate::tree(
             &self.tree,
             self.instances.len() as u32,
             self.stats.primitives,
@@ -287,7 +290,11 @@ impl Tlas {
                 let bounds = self.blases[instance.blas as usize].triangle_bounds();
                 vec![(value, place(instance, &bounds).bounds)]
             },
-        )
+        )?;
+        match &self.procedural {
+            Some(procedural) => procedural.validate(&self.blases, &self.instances, report),
+            None => Ok(report),
+        }
     }
 }
 
@@ -317,12 +324,17 @@ pub(crate) fn place(instance: &Instance, object_bounds: &Aabb) -> Placement {
         to_object.matrix3.z_axis.as_vec3().into(),
         to_object.translation.as_vec3().into(),
     );
-    if object_bounds.is_empty() || !to_world.is_finite() || !inverse.is_finite() {
+    if !to_world.is_finite() || !inverse.is_finite() {
         return never;
+    }
+    // Whatever else is in the instance needs the inverse.
+    let nothing = Placement { inverse, ..never };
+    if object_bounds.is_empty() {
+        return nothing;
     }
     let bounds = world_bounds(object_bounds, &to_world);
     if !is_traceable(&bounds) {
-        return never;
+        return nothing;
     }
     let product = abs(&to_world.matrix3) * abs(&to_object.matrix3);
     let rows = product * DVec3::ONE;

@@ -13,7 +13,7 @@ pub(crate) use top::ProceduralTop;
 pub use visit::ProceduralCandidate;
 
 use crate::{
-    BuildError, BuildOptions, BuildQuality, BuildStats, BvhDefect, Geometry,
+    BuildError, BuildOptions, BuildQuality, BuildStats, BvhDefect, Geometry, ValidationReport,
     build::{
         binned_sah::{BinnedSah, MAX_DEPTH},
         monitor::Monitor,
@@ -22,6 +22,7 @@ use crate::{
     layout::{
         bvh8::{Bvh8, Leaves},
         triangles::locate,
+        view::TreeView,
     },
     validate,
 };
@@ -83,7 +84,8 @@ impl ProceduralTree {
             return Ok(None);
         }
         let bins = if options.quality == BuildQuality::Fast { 8 } else { 32 };
-        let monitor = Monitor::new(options.control);
+        // Progress is that of the triangles' tree.
+        let monitor = Monitor::new(options.control).silent();
         monitor.check()?;
         let primitives = refs.len();
         let binary = BinnedSah { bins, leaf_size: 1, max_depth: MAX_DEPTH, monitor };
@@ -117,16 +119,29 @@ impl ProceduralTree {
         }
     }
 
-    /// The geometry and primitive of a box numbered through all geometries.
-    fn locate(&self, number: u32) -> (u32, u32) {
-        locate(&self.starts, number)
+    /// What traversal sees; leaves' values are numbers of boxes.
+    #[inline(always)]
+    pub(crate) fn view(&self) -> TreeView {
+        self.tree.view()
     }
 
-    /// Proves the tree.
-    pub(crate) fn validate(&self) -> Result<(), BvhDefect> {
+    /// The primitive in a box, numbered through all geometries.
+    #[inline(always)]
+    pub(crate) fn candidate(
+        &self,
+        number: u32,
+        instance: u32,
+        force_opaque: Option<bool>,
+    ) -> ProceduralCandidate {
+        let (geometry, primitive) = locate(&self.starts, number);
+        let opaque = force_opaque.unwrap_or(self.opaque[geometry as usize]);
+        ProceduralCandidate { instance, geometry, primitive, opaque }
+    }
+
+    /// Proves the tree; returns the report on both trees of a BLAS, given that on the other one.
+    pub(crate) fn validate(&self, other: ValidationReport) -> Result<ValidationReport, BvhDefect> {
         let total = *self.starts.last().unwrap_or(&0);
-        // Leaves' boxes are the primitives': none of them is kept beside.
-        let leaf = |value| vec![(value, Aabb::EMPTY)];
-        validate::tree(&self.tree, total, self.primitives, BoxLeaves::HALF_LINES, leaf).map(|_| ())
+        let report = validate::box_tree(&self.tree, total, self.primitives, BoxLeaves::HALF_LINES)?;
+        Ok(other.and(&report))
     }
 }
