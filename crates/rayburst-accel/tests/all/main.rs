@@ -13,6 +13,7 @@ mod nearest;
 mod oracle;
 mod oracle_tests;
 mod procedural;
+mod ray_query;
 mod refit;
 mod refit_changed;
 mod rules;

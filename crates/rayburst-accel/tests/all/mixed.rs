@@ -4,7 +4,7 @@ use std::{cell::Cell, sync::Arc};
 
 use glam::{DVec3, Vec3, Vec3Swizzles};
 use rayburst_accel::{
-    Blas, BuildOptions, CandidateFilter, Cull, Geometry, Instance, ProceduralBoxes, Tlas,
+    Blas, BuildOptions, CandidateFilter, Cull, Geometry, Instance, ProceduralBoxes, RayFlags, Tlas,
     TraceOptions, TriangleMesh,
 };
 use rayburst_math::{Aabb, Hit, HitKind, Ray};
@@ -132,6 +132,28 @@ pub fn random_boxes(seed: u64, count: usize, size: f32) -> Vec<Aabb> {
     boxes.collect()
 }
 
+/// Boxes for spheres: those of random spheres in [−1, 1]³.
+pub fn spheres(seed: u64, count: usize, radius: f32) -> Vec<Aabb> {
+    let mut random = Random::new(seed);
+    let sphere = |_| {
+        let centre = random.vector();
+        let radius = Vec3::splat(radius * (0.2 + random.unit()));
+        Aabb { lower: centre - radius, upper: centre + radius }
+    };
+    (0..count).map(sphere).collect()
+}
+
+/// Both distances at which a ray meets the sphere in a box, a bit smaller than the box. Made in `f64`.
+pub fn sphere_hits(bounds: &Aabb, ray: &Ray) -> Option<[f32; 2]> {
+    let centre = 0.5 * (bounds.lower.as_dvec3() + bounds.upper.as_dvec3());
+    let radius = 0.475 * f64::from(bounds.extent().min_element());
+    let (o, d) = (ray.origin.as_dvec3() - centre, ray.direction.as_dvec3());
+    let (a, b) = (d.length_squared(), o.dot(d));
+    let discriminant = b * b - a * (o.length_squared() - radius * radius);
+    let root = discriminant.sqrt();
+    (root >= 0.0).then(|| [((-b - root) / a) as f32, ((-b + root) / a) as f32])
+}
+
 /// Instances of BLASes of triangles, procedural primitives, and both.
 pub struct World {
     pub parts: Vec<Vec<Part>>,
@@ -218,6 +240,21 @@ impl Rules {
             skips_boxes: options.skip.procedural,
             culls_front: options.cull == Cull::Front || options.cull == Cull::Both,
             culls_back: options.cull == Cull::Back || options.cull == Cull::Both,
+        }
+    }
+
+    /// By the bits that DXR gives the flags.
+    pub fn of_flags(flags: RayFlags, mask: u8) -> Self {
+        let has = |bit: u32| flags.bits() & bit != 0;
+        Self {
+            mask,
+            force: if has(0x1) { Some(true) } else { has(0x2).then_some(false) },
+            skips_opaque: has(0x40),
+            skips_translucent: has(0x80),
+            skips_triangles: has(0x100),
+            skips_boxes: has(0x200),
+            culls_front: has(0x20),
+            culls_back: has(0x10),
         }
     }
 
