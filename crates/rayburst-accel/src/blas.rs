@@ -241,9 +241,14 @@ impl Blas {
     /// leaves that it is in after spatial splits; boxes enclosing, references in bounds, depth within
     /// what traversal allows.
     pub fn validate(&self) -> Result<ValidationReport, BvhDefect> {
-        if let Some(procedural) = &self.procedural {
-            procedural.validate()?;
+        let report = self.validate_triangles()?;
+        match &self.procedural {
+            Some(procedural) => procedural.validate(report),
+            None => Ok(report),
         }
+    }
+
+    fn validate_triangles(&self) -> Result<ValidationReport, BvhDefect> {
         let total = self.starts[self.geometry_count()];
         let expected = self.stats.primitives;
         let half_lines = size_of::<Triangles4>() / 32;

@@ -5,6 +5,8 @@
 //! all), for one ray or for a batch: batches are the normal case, plain slices without an allocation
 //! per ray, run on the calling thread. This crate knows no material: alpha comes in as a [`CandidateFilter`].
 //! What moves is refitted ([`Blas::refit`], [`Tlas::update`]) or built anew; [`MovingBlas`] chooses.
+//! Beside triangles there may be procedural primitives, boxes of which only the caller knows what is in
+//! them: `procedural_candidates` tells which a ray meets, and a [`RayQuery`] stops at both.
 //!
 //! What holds for every structure, instruction set and mode:
 //! - Hits have `t_min ≤ t ≤ t_max`; `t` is in units of the ray's direction, through instances too.
@@ -27,6 +29,7 @@ mod options;
 mod procedural;
 mod query;
 mod ray_flags;
+mod ray_query;
 mod refit;
 mod structure;
 mod tlas;
@@ -47,6 +50,7 @@ pub use query::{
     AcceptAll, AllHits, CandidateFilter, Counters, Cull, FilterFn, Skip, TraceMode, TraceOptions,
 };
 pub use ray_flags::RayFlags;
+pub use ray_query::{CandidateType, CommittedStatus, RayQuery};
 pub use rayburst_simd::IsaLevel;
 pub use refit::RefitReport;
 pub use tlas::Tlas;

@@ -123,11 +123,12 @@ impl BuildOptions<'_> {
 /// What a build made.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BuildStats {
-    /// Triangles of a BLAS or instances of a TLAS that rays can hit.
+    /// Triangles and procedural primitives of a BLAS or instances of a TLAS that rays can meet.
     pub primitives: usize,
-    /// Triangles and instances that are never hit: not finite, too large, zero area, no inverse.
+    /// Those that are never met: not finite, too large, empty, zero area, no inverse.
     pub inactive: usize,
-    /// Primitives in all leaves: more than `primitives` where spatial splits put some into several.
+    /// Primitives in all leaves: more than `primitives` where spatial splits put some into several,
+    /// or where instances have triangles and procedural primitives, for which there is a tree each.
     pub references: usize,
     /// Inner nodes.
     pub nodes: usize,

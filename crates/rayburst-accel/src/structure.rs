@@ -126,6 +126,9 @@ impl<'a, I: Isa, S: Structure, F: CandidateFilter, C: Count> Tracer<'a, I, S, F,
     #[inline(always)]
     pub(crate) fn trace<Q: Query>(&mut self, index: usize, ray: &Ray, query: &mut Q) {
         self.count = C::default();
+        if self.options.skip.triangles {
+            return;
+        }
         let asker = Asker { filter: self.filter, ray, index: index as u32 };
         // Whether the search ended early is in the query.
         let _ = self.structure.trace(
@@ -166,11 +169,8 @@ impl<S: Structure, F: CandidateFilter, C: Count, A: Answers> Kernel for Batch<'_
             self.counts.fill(C::default());
         }
         let skip = self.options.skip;
-        if skip.triangles {
-            for (index, ray) in self.rays.iter().enumerate() {
-                self.answers.end(self.structure, index, &A::begin(ray));
-            }
-        } else if skip.opaque
+        if skip.triangles
+            || skip.opaque
             || skip.non_opaque
             || mode == TraceMode::Single
             || (mode == TraceMode::Auto && self.rays.len() < FEW)
@@ -346,6 +346,10 @@ macro_rules! queries {
 
             /// The first `k` of [all hits](Self::all_hits) of a ray, nearest first; replaces what
             /// `hits` held. The fewer are asked for, the less is visited.
+            ///
+            /// This is a k-buffer: where layers are blended from front to back, ask for a few, blend
+            /// them, and go on with `t_min` at the last one's `t` and a filter that rejects what was
+            /// blended, until nothing shines through.
             pub fn nearest_hits(
                 &self,
                 ray: &Ray,

@@ -131,9 +131,12 @@ impl Tlas {
         })
     }
 
-    /// What the build made.
+    /// What the build made, of the trees over triangles and over procedural primitives together.
     pub fn stats(&self) -> BuildStats {
-        self.stats
+        match &self.procedural {
+            Some(procedural) => procedural.add_to(self.stats),
+            None => self.stats,
+        }
     }
 
     /// The box around all instances that can be hit, in the world; empty if there are none.
@@ -233,7 +236,7 @@ impl Tlas {
 
     /// Proves the structure, not its BLASes.
     pub fn validate(&self) -> Result<ValidationReport, BvhDefect> {
-        validate::tree(
+        let report = validate::tree(
             &self.tree,
             self.instances.len() as u32,
             self.stats.primitives,
@@ -244,7 +247,11 @@ impl Tlas {
                 // Empty after an update to where it cannot be hit.
                 if bounds.is_empty() { vec![] } else { vec![(value, bounds)] }
             },
-        )
+        )?;
+        match &self.procedural {
+            Some(procedural) => procedural.validate(&self.blases, &self.instances, report),
+            None => Ok(report),
+        }
     }
 }
 

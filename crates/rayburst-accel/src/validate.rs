@@ -71,6 +71,30 @@ pub struct ValidationReport {
     pub sah_cost: f32,
 }
 
+impl ValidationReport {
+    /// What a walk over two structures saw.
+    pub(crate) fn and(self, other: &Self) -> Self {
+        Self {
+            nodes: self.nodes + other.nodes,
+            leaves: self.leaves + other.leaves,
+            primitives: self.primitives + other.primitives,
+            references: self.references + other.references,
+            depth: self.depth.max(other.depth),
+            sah_cost: self.sah_cost + other.sah_cost,
+        }
+    }
+}
+
+/// Walks a tree in which each primitive is once, and its box is that of the leaf.
+pub(crate) fn box_tree(
+    tree: &Bvh8,
+    total: u32,
+    expected: usize,
+    leaf_half_lines: usize,
+) -> Result<ValidationReport, BvhDefect> {
+    walk(tree, total, expected, leaf_half_lines, Boxes).map(|(report, _)| report)
+}
+
 /// Walks a tree in which each primitive is once; `primitives` of a leaf's value are their indices, less
 /// than `total`, and exact boxes.
 pub(crate) fn tree(
@@ -179,6 +203,21 @@ impl<P: Fn(u32) -> Vec<(u32, Aabb)>> Leaf for Once<P> {
             all = all.union(bounds);
         }
         Ok(all)
+    }
+}
+
+/// Leaves that are their boxes.
+struct Boxes;
+
+impl Leaf for Boxes {
+    fn check(
+        &mut self,
+        value: u32,
+        bounds: &Aabb,
+        seen: &mut [bool],
+        report: &mut ValidationReport,
+    ) -> Result<Aabb, BvhDefect> {
+        Once { primitives: |value| vec![(value, *bounds)] }.check(value, bounds, seen, report)
     }
 }
 

@@ -14,7 +14,7 @@ pub(crate) use top::ProceduralTop;
 pub use visit::ProceduralCandidate;
 
 use crate::{
-    BuildError, BuildOptions, BuildStats, BvhDefect, Geometry,
+    BuildError, BuildOptions, BuildStats, BvhDefect, Geometry, ValidationReport,
     build::{
         boxes::{BoxLeaves, Boxes, twice_the_centre},
         monitor::Monitor,
@@ -23,6 +23,7 @@ use crate::{
     layout::{
         bvh8::{Bvh8, Leaves},
         triangles::locate,
+        view::TreeView,
     },
     validate,
 };
@@ -53,7 +54,8 @@ impl ProceduralTree {
         if geometries.iter().all(|geometry| matches!(geometry, Geometry::Triangles(_))) {
             return Ok(None);
         }
-        let monitor = Monitor::new(options.control);
+        // Progress is that of the triangles' tree.
+        let monitor = Monitor::new(options.control).silent();
         monitor.check()?;
         let (mut starts, mut boxes) = (vec![0], vec![]);
         for geometry in geometries {
@@ -103,16 +105,29 @@ impl ProceduralTree {
         }
     }
 
-    /// The geometry and primitive of a box numbered through all geometries.
-    fn locate(&self, number: u32) -> (u32, u32) {
-        locate(&self.starts, number)
+    /// What traversal sees; leaves' values are numbers of boxes.
+    #[inline(always)]
+    pub(crate) fn view(&self) -> TreeView {
+        self.tree.view()
     }
 
-    /// Proves the tree.
-    pub(crate) fn validate(&self) -> Result<(), BvhDefect> {
+    /// The primitive in a box, numbered through all geometries.
+    #[inline(always)]
+    pub(crate) fn candidate(
+        &self,
+        number: u32,
+        instance: u32,
+        force_opaque: Option<bool>,
+    ) -> ProceduralCandidate {
+        let (geometry, primitive) = locate(&self.starts, number);
+        let opaque = force_opaque.unwrap_or(self.opaque[geometry as usize]);
+        ProceduralCandidate { instance, geometry, primitive, opaque }
+    }
+
+    /// Proves the tree; returns the report on both trees of a BLAS, given that on the other one.
+    pub(crate) fn validate(&self, other: ValidationReport) -> Result<ValidationReport, BvhDefect> {
         let total = *self.starts.last().unwrap_or(&0);
-        // Leaves' boxes are the primitives': none of them is kept beside.
-        let leaf = |value| vec![(value, Aabb::EMPTY)];
-        validate::tree(&self.tree, total, self.primitives, BoxLeaves::HALF_LINES, leaf).map(|_| ())
+        let report = validate::box_tree(&self.tree, total, self.primitives, BoxLeaves::HALF_LINES)?;
+        Ok(other.and(&report))
     }
 }

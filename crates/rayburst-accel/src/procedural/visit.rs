@@ -52,16 +52,14 @@ struct Boxes<'a, 'b> {
 impl<C: Count> Leaves<C> for Boxes<'_, '_> {
     #[inline(always)]
     fn visit(&mut self, number: u32, span: &mut Span, _: &mut C) -> ControlFlow<()> {
-        let (geometry, primitive) = self.tree.locate(number);
-        let opaque = self.force_opaque.unwrap_or(self.tree.opaque[geometry as usize]);
-        if self.search.options.skip.skips(opaque) {
+        let candidate = self.tree.candidate(number, self.instance, self.force_opaque);
+        if self.search.options.skip.skips(candidate.opaque) {
             return ControlFlow::Continue(());
         }
-        let candidate =
-            ProceduralCandidate { instance: self.instance, geometry, primitive, opaque };
         let t_max = (self.search.visit)(&candidate, self.search.t_max);
         self.search.t_max = match t_max {
-            ControlFlow::Continue(t_max) => t_max,
+            // What lies beyond was left out already. NaN is no minimum.
+            ControlFlow::Continue(t_max) => self.search.t_max.min(t_max),
             ControlFlow::Break(()) => return ControlFlow::Break(()),
         };
         *span = self.prepared.span(self.search.ray.t_min, self.search.t_max);
@@ -80,11 +78,11 @@ fn visit_boxes<I: Isa>(
     stack: &mut Stack,
     search: &mut Search<'_>,
 ) -> ControlFlow<()> {
-    let Some(prepared) = PreparedRay::new(local, &tree.tree.bounds, 0.0) else {
+    let Some(prepared) = PreparedRay::new(local, &tree.bounds(), 0.0) else {
         return ControlFlow::Continue(());
     };
     let mut span = prepared.span(local.t_min, search.t_max);
-    let view = tree.tree.view();
+    let view = tree.view();
     let mut boxes = Boxes { tree, instance, force_opaque, prepared: &prepared, search };
     let count = &mut NoCount;
     // SAFETY: the tree is borrowed.
@@ -143,7 +141,7 @@ impl Kernel for Visitor<'_> {
             Root::Tlas(tlas, level) => {
                 let Some(world) = level.prepare(search.ray) else { return };
                 let mut span = world.span(search.ray.t_min, search.t_max);
-                let view = level.tree.view();
+                let view = level.view();
                 let bottom = &mut bottom;
                 let mut instances = Instances { isa, tlas, world: &world, bottom, search };
                 let (slab, count) = (&world.slab, &mut NoCount);
@@ -159,7 +157,8 @@ impl Kernel for Visitor<'_> {
 impl Blas {
     /// Tells `visit` of every procedural primitive whose box a ray meets in its interval, each once, the
     /// nearer boxes about first, with the end of the interval; it says where that ends from then on, or
-    /// breaks. What is in a box is the visitor's to intersect.
+    /// breaks. Greater ends than the one it was told, and NaN, change nothing. What is in a box is the
+    /// visitor's to intersect; a box that is barely missed may be among them.
     pub fn procedural_candidates<'a>(
         &'a self,
         ray: &'a Ray,

@@ -54,7 +54,8 @@ fn block_mut(lines: &mut [Line], half_line: usize) -> &mut Triangles4 {
 impl Blas {
     /// Moves the triangles to new places: the geometries must have as many triangles as those that
     /// the structure was built from, and should have the same vertices for each. Geometries keep
-    /// the opacity of the build.
+    /// the opacity of the build. Procedural geometries stay as they are: for each a mesh without
+    /// triangles must be given, and reports are of the triangles alone.
     ///
     /// A triangle that can no longer be hit (not finite, too large, zero area) is missed until
     /// another refit brings it back. One that could not be hit when the structure was *built* is not

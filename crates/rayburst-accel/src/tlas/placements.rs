@@ -133,7 +133,7 @@ impl Placements {
     }
 
     /// How many can be hit.
-    pub(super) fn active(&self) -> usize {
+    pub(crate) fn active(&self) -> usize {
         self.summary.active
     }
 
@@ -157,7 +157,7 @@ impl Placements {
     }
 
     /// The box of an instance, empty if it cannot be hit.
-    pub(super) fn bounds(&self, index: u32) -> Aabb {
+    pub(crate) fn bounds(&self, index: u32) -> Aabb {
         self.spots[index as usize].bounds
     }
 

@@ -117,7 +117,7 @@ impl<'a> Place<'a> {
     }
 
     #[inline(always)]
-    fn is_opaque(&self, id: TriangleId) -> bool {
+    pub(crate) fn is_opaque(&self, id: TriangleId) -> bool {
         self.force_opaque.unwrap_or(id.is_opaque())
     }
 
@@ -256,7 +256,7 @@ pub(crate) fn take_plain<Q: OneHit>(
 
 /// Makes −0 a 0, whose bits sort like its value.
 #[inline(always)]
-fn without_sign_of_zero(t: f32) -> f32 {
+pub(crate) fn without_sign_of_zero(t: f32) -> f32 {
     t + 0.0
 }
 

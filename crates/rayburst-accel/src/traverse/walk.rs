@@ -207,3 +207,77 @@ pub(crate) unsafe fn walk<I: Isa, C: Count, const ORDERED: bool>(
         current = unsafe { stack.pop(&mut top, limit) };
     }
 }
+
+/// A walk that stops at every leaf, the nearer ones first, and goes on when it is told to.
+pub(crate) struct Cursor {
+    stack: Stack,
+    /// Entries on the stack; all of them were set. None if the walk is over.
+    top: usize,
+}
+
+impl Cursor {
+    /// A walk that is over.
+    #[inline(always)]
+    pub(crate) fn new() -> Self {
+        Self { stack: Stack::new(), top: 0 }
+    }
+
+    /// Ends the walk.
+    #[inline(always)]
+    pub(crate) fn end(&mut self) {
+        self.top = 0;
+    }
+
+    /// Starts anew at the root of a tree.
+    #[inline(always)]
+    pub(crate) fn begin(&mut self) {
+        self.stack.set(0, Entry { key: 0, child: BOTTOM });
+        self.stack.set(1, Entry { key: 0, child: Reference::ROOT });
+        self.top = 2;
+    }
+
+    /// Goes on to the next leaf whose box the ray may meet within `span`, which may have become shorter.
+    ///
+    /// # Safety
+    /// The tree must live, and be the same in all calls since [`Self::begin`].
+    #[inline(always)]
+    pub(crate) unsafe fn next<I: Isa>(
+        &mut self,
+        isa: I,
+        tree: TreeView,
+        ray: &SlabRay,
+        span: &Span,
+    ) -> Option<u32> {
+        if self.top == 0 {
+            return None;
+        }
+        let Self { stack, top } = self;
+        // At equal distance a smaller index may wait.
+        let limit = key(span.t_max);
+        let mut distances = [0.0; 8];
+        // SAFETY: all entries below `top` were set, and the bottom has a key of zero.
+        let mut current = unsafe { stack.pop(top, limit) };
+        while !current.is_leaf() {
+            let node = current;
+            // SAFETY: references to inner nodes come from the tree; see above for the stack, of which
+            // the entries from `base` to `top` are set here.
+            unsafe {
+                let mask = tree.slab8(isa, node, ray, span, &mut distances);
+                current = if mask == 0 {
+                    stack.pop(top, limit)
+                } else {
+                    let mut nearest = take(isa, tree, node, &distances, first(mask));
+                    let (base, mut rest) = (*top, mask & (mask - 1));
+                    while rest != 0 {
+                        let entry = take(isa, tree, node, &distances, first(rest));
+                        rest &= rest - 1;
+                        nearest = stack.insert(base, *top, nearest, entry);
+                        *top += 1;
+                    }
+                    nearest.child
+                };
+            }
+        }
+        (current != BOTTOM).then(|| current.value())
+    }
+}

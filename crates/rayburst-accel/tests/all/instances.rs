@@ -15,7 +15,7 @@ use crate::{
 };
 
 /// A transform of every kind: rigid, stretched, mirrored, sheared.
-fn transform(random: &mut Random, kind: usize) -> Affine3A {
+pub fn transform(random: &mut Random, kind: usize) -> Affine3A {
     let rotation = Quat::from_scaled_axis(3.0 * random.vector());
     let translation = random.vector();
     let scale = match kind % 4 {
