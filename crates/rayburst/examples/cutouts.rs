@@ -18,7 +18,7 @@ use common::{
 };
 
 /// How many leaves there are.
-const LEAVES: u32 = 1100;
+const LEAVES: u32 = 1600;
 
 // ANCHOR: leaf
 /// Half the width of a leaf at a height from 0 to 1; it is cut out of the square from (-½, 0) to (½, 1).
@@ -142,7 +142,7 @@ fn plant(card_kind: Card) -> Result<Tlas> {
         let angle = 2.399_963 * id as f32;
         let side = (1.0 - y * y).sqrt();
         let out = Vec3::new(side * angle.cos(), y, side * angle.sin());
-        let radius = rng.range(0.55, 1.0);
+        let radius = rng.range(0.3, 1.0);
         let at = Vec3::new(0.0, 1.45, 0.0) + radius * out * Vec3::new(1.25, 1.0, 1.25);
         let along = (out + 0.5 * (rng.vec3() - 0.5) - 0.55 * Vec3::Y).normalize_or(Vec3::X);
         let normal = along.cross(rng.vec3() - 0.5).normalize_or(Vec3::Z);

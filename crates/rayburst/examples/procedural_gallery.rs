@@ -112,7 +112,7 @@ fn shapes() -> Result<Vec<Box<dyn Shape>>> {
     );
     let drills = Csg::union(Csg::union(drill(Vec3::X), drill(Vec3::Y)), drill(Vec3::Z));
     let landscape =
-        Landscape { seed: 3, level: 7, frequency: 2.0, octaves: 7, gain: 0.5, ridges: 0.8 };
+        Landscape { seed: 3, level: 7, frequency: 1.5, octaves: 7, gain: 0.42, ridges: 0.5 };
     let (corners, sizes, faces) = cross();
     Ok(vec![
         Box::new(Sphere { centre: Vec3::ZERO, radius: 0.95 }),
@@ -132,7 +132,7 @@ fn shapes() -> Result<Vec<Box<dyn Shape>>> {
         Box::new(Csg::difference(die, drills)),
         Box::new(Metaballs::new(blob, 0.35)?),
         Box::new(DistanceField::new(gyroid, unit, 1.0)?),
-        Box::new(landscape.height_field(Vec2::splat(-0.95), Vec2::splat(0.95), 0.75)?),
+        Box::new(landscape.height_field(Vec2::splat(-0.95), Vec2::splat(0.95), 0.55)?),
         Box::new(Subdivision::new(&corners, &sizes, &faces, Subdivision::DEPTH)?),
         Box::new(Curve::new(
             [
@@ -218,7 +218,7 @@ pub(crate) fn render(size: (u32, u32), samples: u32) -> Result<RgbImage> {
     let tlas = Tlas::build(blases, &instances, &BuildOptions::default())?;
     // ANCHOR_END: boxes
 
-    let eye = Eye::look_at(Vec3::new(0.0, 6.0, 19.0), Vec3::new(0.0, 2.1, 0.0), 27.0);
+    let eye = Eye::look_at(Vec3::new(0.0, 6.8, 21.0), Vec3::new(0.0, 2.0, 0.0), 26.5);
     let texels = RwTexture::<Vec3>::new(size.0, size.1);
 
     let mut table = ShaderTable::new();

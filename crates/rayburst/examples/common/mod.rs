@@ -37,20 +37,27 @@ pub(crate) fn arguments(name: &str, size: (u32, u32)) -> Result<(PathBuf, (u32, 
 pub(crate) struct Eye {
     camera: Camera,
     filter: PixelFilter,
+    numbers: SamplerKind,
 }
 
 impl Eye {
     pub(crate) fn new(camera: Camera) -> Self {
-        Self { camera, filter: PixelFilter::new(FilterKind::default()) }
+        let filter = PixelFilter::new(FilterKind::default());
+        Self { camera, filter, numbers: SamplerKind::Sobol }
     }
 
     pub(crate) fn look_at(eye: Vec3, target: Vec3, degrees: f32) -> Self {
         Self::new(Camera::look_at(eye, target, Vec3::Y, degrees.to_radians()))
     }
 
+    /// The same with other random numbers.
+    pub(crate) fn with_numbers(self, numbers: SamplerKind) -> Self {
+        Self { numbers, ..self }
+    }
+
     /// The ray of a sample, and random numbers for what becomes of it, from dimension 4 on.
     pub(crate) fn ray(&self, pixel: UVec3, size: UVec3, sample: u32) -> (Ray, Sampler) {
-        let sampler = Sampler::new(SamplerKind::Sobol, 0, pixel.y * size.x + pixel.x, sample);
+        let sampler = Sampler::new(self.numbers, 0, pixel.y * size.x + pixel.x, sample);
         let centre = pixel.truncate().as_vec2() + 0.5;
         let at = centre + self.filter.sample(sampler.get_2d(0));
         (self.camera.ray(at, (size.x, size.y), sampler.get_2d(2)).0, sampler)

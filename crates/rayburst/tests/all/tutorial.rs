@@ -10,7 +10,15 @@ use rayburst::{
     scene::{AlphaMode, Texture, TextureLod, TextureSlot, builtin, shapes},
 };
 
-use crate::examples::{hello_triangle, path_tracer, whitted};
+use crate::examples::{
+    adaptive::{self, Plan},
+    animated_instances,
+    callables::{self, Style},
+    cutouts::{self, Card},
+    hello_triangle, path_tracer, procedural_gallery,
+    transparency::{self, MOST, Order},
+    whitted,
+};
 
 const SIZE: (u32, u32) = (48, 36);
 
@@ -108,4 +116,70 @@ fn paths_with_shaders_are_the_built_in_paths() {
         let fewer = built_in(&scene, IntegratorKind::Path, spp / 2);
         assert!(difference(&fewer, &theirs) > 1e-2, "{}", scene.name);
     }
+}
+
+#[test]
+fn tight_cards_give_the_same_picture_with_fewer_calls() {
+    let (square, square_calls) = cutouts::render(Card::Square, SIZE, 4).unwrap();
+    let (tight, tight_calls) = cutouts::render(Card::Tight, SIZE, 4).unwrap();
+    assert!(tight_calls > 0 && 2 * tight_calls < square_calls, "{tight_calls} {square_calls}");
+    // Only rounding at edges may differ: a sample in a thousand.
+    let pairs = square.pixels.iter().zip(&tight.pixels);
+    let different = pairs.filter(|(a, b)| (**a - **b).abs().max_element() > 1e-3).count();
+    assert!(different <= square.pixels.len() * 4 / 1000, "{different}");
+}
+
+#[test]
+fn the_nearest_layers_in_any_hit_are_those_of_sorted_rays() {
+    for layers in [1, 2, 3, 5, 8, MOST] {
+        let buffer = transparency::render(Order::Buffer, layers, SIZE, 4).unwrap();
+        let sorted = transparency::render(Order::Peel, layers, SIZE, 4).unwrap();
+        let apart = transparency::greatest_difference(&buffer, &sorted);
+        assert!(apart < 5e-3, "{layers}: {apart}");
+    }
+    let few = transparency::render(Order::Buffer, 2, SIZE, 4).unwrap();
+    let all = transparency::render(Order::Buffer, MOST, SIZE, 4).unwrap();
+    assert!(transparency::greatest_difference(&few, &all) > 0.05, "layers matter");
+}
+
+#[test]
+fn five_callable_shaders_are_as_good_as_32_permutations() {
+    let (many, permutations) = callables::render(Style::Permutations, SIZE, 4).unwrap();
+    let (one, called) = callables::render(Style::Callables, SIZE, 4).unwrap();
+    assert_eq!(many.pixels, one.pixels);
+    assert_eq!((permutations.groups, permutations.callables, permutations.features), (32, 0, 80));
+    assert_eq!((called.groups, called.callables, called.features), (1, 5, 5));
+}
+
+#[test]
+fn adaptive_rays_are_better_spent() {
+    let size = (64, 48);
+    let reference = adaptive::render(Plan::Uniform, size, 1024).unwrap().picture;
+    let uniform = adaptive::render(Plan::Uniform, size, 16).unwrap();
+    let spent = adaptive::render(Plan::Adaptive, size, 16).unwrap();
+    let [before, after] = [&uniform, &spent].map(|o| adaptive::rmse(&o.picture, &reference));
+    assert!(after < 0.9 * before, "{before} {after}");
+    let rays = spent.rays as f64 / uniform.rays as f64;
+    assert!((rays - 1.0).abs() < 0.02, "{rays}");
+    assert!(spent.samples.iter().max() > spent.samples.iter().min());
+}
+
+#[test]
+fn dominoes_fall_and_every_shape_is_shown() {
+    let (frames, _, seconds) = animated_instances::render(3, SIZE, 2).unwrap();
+    assert_eq!((frames.len(), seconds.len()), (3, 3));
+    assert!(difference(&frames[0], &frames[2]) > 0.05);
+    // 13 shapes of 13 hues.
+    let gallery = procedural_gallery::render((160, 80), 4).unwrap();
+    let hue = |c: &Vec3| {
+        let x = c.x - 0.5 * (c.y + c.z);
+        let y = 0.866 * (c.y - c.z);
+        let grey = Vec2::new(x, y).length() < 0.2 * c.max_element();
+        (!grey).then(|| y.atan2(x).rem_euclid(std::f32::consts::TAU))
+    };
+    let mut seen = [0; 13];
+    for angle in gallery.pixels.iter().filter_map(hue) {
+        seen[(angle / std::f32::consts::TAU * 13.0) as usize % 13] += 1;
+    }
+    assert!(seen.iter().filter(|&&count| count > 5).count() >= 10, "{seen:?}");
 }
