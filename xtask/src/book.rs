@@ -16,13 +16,13 @@ const PROGRAMS: &[(&str, u32)] = &[
     ("hello_triangle", 480),
     ("business_card", 400),
     ("whitted", 320),
-    ("path_tracer", 200),
-    ("cutouts", 240),
-    ("transparency", 320),
-    ("procedural_gallery", 360),
-    ("callables", 256),
+    ("path_tracer", 190),
+    ("cutouts", 232),
+    ("transparency", 288),
+    ("procedural_gallery", 340),
+    ("callables", 240),
     ("adaptive", 420),
-    ("animated_instances", 330),
+    ("animated_instances", 300),
 ];
 
 /// Checks the book, and builds it if mdBook is there.

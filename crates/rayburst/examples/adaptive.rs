@@ -79,13 +79,15 @@ struct Seen {
 /// How many samples more each pixel gets, so that the mean squared error of the picture is least for
 /// a number of rays: in all, samples in proportion to the deviation over the root of what a sample costs.
 fn share_out(pilot: &[Estimate], (width, height): (u32, u32), budget: f64) -> Vec<u32> {
-    // A few samples may all miss what makes a pixel noisy: ask its neighbours.
+    // A few samples say little about a variance: the mean of it and its neighbours' says more.
     let deviation = |i: usize| {
         let (x, y) = (i as u32 % width, i as u32 / width);
         let columns = x.saturating_sub(1)..(x + 2).min(width);
         let rows = y.saturating_sub(1)..(y + 2).min(height);
         let around = rows.flat_map(|y| columns.clone().map(move |x| (y * width + x) as usize));
-        around.map(|j| pilot[j].variance()).fold(0.0, f32::max).sqrt()
+        let (sum, count) =
+            around.fold((0.0, 0.0), |(sum, count), j| (sum + pilot[j].variance(), count + 1.0));
+        (sum / count).sqrt()
     };
     let weights: Vec<f64> = (0..pilot.len())
         .map(|i| f64::from(deviation(i) / pilot[i].cost().max(1.0).sqrt()))
@@ -152,7 +154,7 @@ pub(crate) fn render(plan: Plan, size: (u32, u32), samples: u32) -> Result<Outco
     ];
     let tlas = still_life()?;
     // The variance tells the error of independent samples; Sobol' points do better than it says.
-    let eye = Eye::look_at(Vec3::new(1.6, 2.2, 10.5), Vec3::new(0.7, 1.25, 0.0), 29.0)
+    let eye = Eye::look_at(Vec3::new(1.6, 2.4, 10.8), Vec3::new(0.55, 1.2, 0.0), 31.0)
         .with_numbers(SamplerKind::Independent);
     let estimates = RwBuffer::<Estimate>::new(size.0 as usize * size.1 as usize);
     let planned = RwBuffer::<u32>::new(estimates.len());

@@ -252,8 +252,8 @@ pub(crate) fn render(style: Style, size: (u32, u32), samples: u32) -> Result<(Rg
     // ANCHOR_END: decals
 
     let counts = match style {
-        // ANCHOR: many
         Style::Permutations => {
+            // ANCHOR: many
             for features in PERMUTATIONS {
                 let group = HitGroup::triangles("permutation").closest_hit(
                     move |hit: &TriangleHit<'_, ()>, seen: &mut Seen| {
@@ -268,10 +268,10 @@ pub(crate) fn render(style: Style, size: (u32, u32), samples: u32) -> Result<(Rg
             }
             let features = (0..1u32 << FEATURES).map(u32::count_ones).sum();
             Counts { groups: PERMUTATIONS.len(), callables: 0, features }
+            // ANCHOR_END: many
         }
-        // ANCHOR_END: many
-        // ANCHOR: one
         Style::Callables => {
+            // ANCHOR: one
             let features: Vec<CallableId<Look>> = [warm, stripes, dots, gloss, rim]
                 .map(|feature: fn(&mut Look)| table.callable(move |_, look| feature(look)))
                 .to_vec();
@@ -290,7 +290,8 @@ pub(crate) fn render(style: Style, size: (u32, u32), samples: u32) -> Result<(Rg
             table.hit(&group, ());
             table.no_hit();
             Counts { groups: 1, callables: FEATURES, features: FEATURES as u32 }
-        } // ANCHOR_END: one
+            // ANCHOR_END: one
+        }
     };
 
     let generate = table.ray_generation(|launch| {

@@ -124,15 +124,15 @@ fn shapes() -> Result<Vec<Box<dyn Shape>>> {
             inner_radius: 0.4,
             ..Disk::new(Vec3::ZERO, Vec3::new(0.2, 0.5, 1.0), 0.95)
         }),
+        Box::new(landscape.height_field(Vec2::splat(-0.95), Vec2::splat(0.95), 0.8)?),
+        Box::new(Csg::difference(die, drills)),
+        Box::new(Metaballs::new(blob, 0.35)?),
+        Box::new(DistanceField::new(gyroid, unit, 1.0)?),
         Box::new(Quad {
             corner: Vec3::new(-0.8, -0.9, 0.2),
             edge_u: Vec3::new(1.6, 0.0, 0.0),
             edge_v: Vec3::new(0.0, 1.7, -0.5),
         }),
-        Box::new(Csg::difference(die, drills)),
-        Box::new(Metaballs::new(blob, 0.35)?),
-        Box::new(DistanceField::new(gyroid, unit, 1.0)?),
-        Box::new(landscape.height_field(Vec2::splat(-0.95), Vec2::splat(0.95), 0.55)?),
         Box::new(Subdivision::new(&corners, &sizes, &faces, Subdivision::DEPTH)?),
         Box::new(Curve::new(
             [
