@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use crate::{portable, tidy};
+use crate::{book, portable, tidy};
 
 /// The README's second command; `ci` runs this very line.
 const TEST_COMMAND: &str = "cargo test --workspace";
@@ -11,6 +11,7 @@ const TEST_COMMAND: &str = "cargo test --workspace";
 pub(crate) fn run() -> Result<(), String> {
     step("cargo fmt --all --check", &[])?;
     tidy::run()?;
+    book::run()?;
     step("cargo clippy --workspace --all-targets -- -D warnings", &[])?;
     step("cargo clippy -p rayburst-cli --features bench-peers --all-targets -- -D warnings", &[])?;
     portable::run()?;

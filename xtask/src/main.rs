@@ -4,6 +4,7 @@
 #![forbid(unsafe_code)]
 
 mod asm_check;
+mod book;
 mod ci;
 mod performance;
 mod portable;
@@ -16,6 +17,9 @@ const USAGE: &str = "usage: cargo xtask COMMAND
 
   ci      formatting, lints, documentation, house rules, all tests
   tidy    the house rules alone
+  book    links, code and pictures of the tutorial; builds it where mdbook is installed
+  tutorial
+          runs the tutorial's programs, which make the pictures of the book anew
   performance FILE.json…
           the tables of docs/performance.md from the rows of `rayburst bench … --json`
   portable
@@ -35,6 +39,8 @@ fn main() -> ExitCode {
     let outcome = match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["ci"] => ci::run(),
         ["tidy"] => tidy::run(),
+        ["book"] => book::run(),
+        ["tutorial"] => book::tutorial(),
         ["portable"] => portable::run(),
         ["verify", ref arguments @ ..] => proofs::verify(arguments),
         ["fuzz", ref arguments @ ..] => proofs::fuzz(arguments),

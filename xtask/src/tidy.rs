@@ -18,7 +18,15 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("rayburst-render", &["rayburst-math", "rayburst-accel", "rayburst-image", "rayburst-scene"]),
     (
         "rayburst",
-        &["rayburst-math", "rayburst-accel", "rayburst-image", "rayburst-scene", "rayburst-render"],
+        &[
+            "rayburst-math",
+            "rayburst-accel",
+            "rayburst-pipeline",
+            "rayburst-procedural",
+            "rayburst-image",
+            "rayburst-scene",
+            "rayburst-render",
+        ],
     ),
     ("rayburst-bench", &["rayburst-math", "rayburst-accel", "rayburst-pipeline", "rayburst-scene"]),
     ("rayburst-cli", &["rayburst", "rayburst-bench"]),

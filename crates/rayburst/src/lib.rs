@@ -66,6 +66,8 @@ mod shortcuts;
 pub use rayburst_accel as accel;
 pub use rayburst_image as image;
 pub use rayburst_math as math;
+pub use rayburst_pipeline as pipeline;
+pub use rayburst_procedural as procedural;
 pub use rayburst_render as render;
 pub use rayburst_scene as scene;
 
@@ -78,10 +80,14 @@ pub mod prelude {
     pub use glam::{Affine3A, Quat, Vec2, Vec3, Vec4};
     pub use rayburst_accel::{
         AcceptAll, Blas, BuildControl, BuildOptions, BuildQuality, Builder, CandidateFilter, Cull,
-        Curve, FilterFn, Instance, Tlas, TraceOptions, TriangleMesh,
+        Curve, FilterFn, Instance, ProceduralBoxes, RayFlags, Tlas, TraceOptions, TriangleMesh,
     };
     pub use rayburst_image::{FilterKind, LayeredImage, RgbImage, ToneMap};
     pub use rayburst_math::{Aabb, Hit, HitKind, Ray, SamplerKind};
+    pub use rayburst_pipeline::{
+        AnyHitResult, Barycentrics, HitGroup, Pipeline, RwBuffer, RwTexture, ShaderTable,
+    };
+    pub use rayburst_procedural::Shape;
     pub use rayburst_render::{
         Aov, IntegratorKind, Limits, Progress, RenderSettings, Renderer, Tracer, ray_trace_image,
     };

@@ -5,6 +5,7 @@ mod camera_frame;
 pub(crate) mod canvas;
 mod coherent_rays;
 mod depth_of_field;
+mod ray_interval;
 mod ray_tree;
 mod refraction_tree;
 mod rendering;
@@ -13,6 +14,7 @@ mod secondary_rays;
 mod slice;
 mod symbols;
 mod trace_and_shade;
+mod two_levels;
 mod two_paths;
 
 use std::path::PathBuf;
@@ -57,6 +59,8 @@ pub(crate) const FIGURES: &[(&str, Figure)] = &[
     figure("26.4", "reflection and refraction rays", refraction_tree::draw),
     figure("26.5", "two paths of one pixel", two_paths::draw),
     figure("26.6", "the same picture with 1 to 65,536 samples a pixel", sample_series::draw),
+    figure("26.7", "the interval of a ray, and hits in it", ray_interval::draw),
+    figure("26.8", "instances that share a bottom level", two_levels::draw),
     figure("26.16", "secondary rays that stay together and that do not", coherent_rays::draw),
     figure("26.24", "depth of field by a thin lens", depth_of_field::draw),
 ];

@@ -6,7 +6,7 @@
 
 use std::f32::consts::TAU;
 
-use rayburst::accel::{AcceptAll, BuildOptions, TraceOptions};
+use rayburst::accel::{AcceptAll, BuildOptions, Tlas, TraceOptions};
 use rayburst::glam::{Vec2, Vec3};
 use rayburst::math::{Hit, Ray};
 use rayburst::scene::{FlatScene, Flattener, Material, Pose, Primitive, Scene};
@@ -143,6 +143,18 @@ impl Slice {
     /// A ray that leaves a surface and does not meet it again.
     pub(crate) fn leaving(&self, from: &SliceHit, direction: Vec2) -> Ray {
         Ray::new(from.surface.spawn(direction.extend(0.0)), direction.extend(0.0))
+    }
+
+    /// All hits of a ray in its interval, nearest first.
+    pub(crate) fn hits(&self, ray: &Ray) -> Vec<Hit> {
+        let mut hits = Vec::new();
+        self.flat.tlas.all_hits(ray, &TraceOptions::default(), &AcceptAll, &mut hits);
+        hits
+    }
+
+    /// The structure that is traced.
+    pub(crate) fn structure(&self) -> &Tlas {
+        &self.flat.tlas
     }
 
     fn closest(&self, ray: &Ray) -> Option<SliceHit> {

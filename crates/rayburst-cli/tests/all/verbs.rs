@@ -70,6 +70,8 @@ fn drawn_figures_print_their_property() {
         ("26.3", "0 of"),
         ("26.4", "sum − 1"),
         ("26.5", "difference in standard deviations"),
+        ("26.7", "reported outside of the interval"),
+        ("26.8", "bytes of the bottom level"),
         ("26.16", "rays that visit together"),
     ] {
         let ran = place.good(&format!("figure {figure}"));

@@ -1,5 +1,8 @@
 //! From a scene to a picture by the facade alone.
 
+mod examples;
+mod tutorial;
+
 use rayburst::prelude::*;
 use rayburst::scene::{builtin, shapes};
 
