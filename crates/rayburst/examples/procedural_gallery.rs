@@ -8,8 +8,8 @@ use rayburst::{
     pipeline::{ClosestHit, Intersection, RayType},
     prelude::*,
     procedural::{
-        Cone, Csg, Cuboid, Curve, Cylinder, Disk, DistanceField, Landscape, Metaball, Metaballs,
-        Quad, Sphere, Subdivision, Torus,
+        Cone, Csg, Cuboid, Curve, Cylinder, Disk, DistanceField, HeightField, Landscape, Metaball,
+        Metaballs, Quad, Sphere, Subdivision, Torus,
     },
 };
 
@@ -113,6 +113,9 @@ fn shapes() -> Result<Vec<Box<dyn Shape>>> {
     let drills = Csg::union(Csg::union(drill(Vec3::X), drill(Vec3::Y)), drill(Vec3::Z));
     let landscape =
         Landscape { seed: 3, level: 7, frequency: 1.5, octaves: 7, gain: 0.42, ridges: 0.5 };
+    // It lies on its pedestal.
+    let heights = landscape.heights().iter().map(|h| 0.8 * h - 0.65).collect();
+    let (side, edge) = (landscape.size(), Vec2::splat(0.68));
     let (corners, sizes, faces) = cross();
     Ok(vec![
         Box::new(Sphere { centre: Vec3::ZERO, radius: 0.95 }),
@@ -124,7 +127,7 @@ fn shapes() -> Result<Vec<Box<dyn Shape>>> {
             inner_radius: 0.4,
             ..Disk::new(Vec3::ZERO, Vec3::new(0.2, 0.5, 1.0), 0.95)
         }),
-        Box::new(landscape.height_field(Vec2::splat(-0.95), Vec2::splat(0.95), 0.8)?),
+        Box::new(HeightField::new(side, side, heights, -edge, edge)?),
         Box::new(Csg::difference(die, drills)),
         Box::new(Metaballs::new(blob, 0.35)?),
         Box::new(DistanceField::new(gyroid, unit, 1.0)?),

@@ -14,7 +14,7 @@ use super::{
 };
 use crate::error::{CliError, Result};
 
-const ORIGIN: Vec2 = Vec2::new(0.5, 1.7);
+const ORIGIN: Vec2 = Vec2::new(0.5, 1.4);
 const DIRECTION: Vec2 = Vec2::new(1.0, 0.12);
 /// The interval that is drawn.
 const INTERVAL: (f32, f32) = (2.5, 7.2);
@@ -23,7 +23,7 @@ const RAYS: u32 = 20_000;
 
 /// Draws a ray through five things, of which two lie outside of its interval.
 pub(super) fn draw() -> Result<Drawing> {
-    let mut canvas = Canvas::new(790, 400)?;
+    let mut canvas = Canvas::new(790, 350)?;
     let slice = things(canvas.size().y)?;
     canvas.heading(
         "Figure 26.7 · the interval of a ray",
@@ -42,7 +42,7 @@ pub(super) fn draw() -> Result<Drawing> {
         canvas.text(below, name, 15.0, ink::BLUE, Anchor::Middle, Style::Bold);
     }
     canvas.circle(at(0.0), 4.5, ink::BLACK, None);
-    canvas.label(at(0.0) + Vec2::new(0.0, 24.0), "origin, t = 0", ink::BLACK, Anchor::Start);
+    canvas.label(at(0.0) + Vec2::new(0.0, 24.0), "origin", ink::BLACK, Anchor::Middle);
 
     let all = slice.hits(&whole);
     let inside = slice.hits(&ray(INTERVAL.0, INTERVAL.1));
@@ -92,11 +92,11 @@ fn things(page_height: f32) -> Result<Slice> {
     let is = Substance::default();
     let inside = (ink::SKY, ink::BLUE);
     let outside = (ink::STONE, ink::GREY);
-    builder.disk(Vec2::new(2.05, 1.75), 0.5, outside, is);
-    let triangle = [Vec2::new(3.7, 1.2), Vec2::new(5.0, 1.5), Vec2::new(4.1, 3.1)];
+    builder.disk(Vec2::new(2.05, 1.45), 0.5, outside, is);
+    let triangle = [Vec2::new(3.7, 0.9), Vec2::new(5.0, 1.2), Vec2::new(4.1, 2.8)];
     builder.polygon(&triangle, inside, is);
-    builder.disk(Vec2::new(6.2, 2.5), 0.62, inside, is);
-    builder.rectangle(Vec2::new(8.5, 1.7), Vec2::new(9.3, 3.5), outside, is);
+    builder.disk(Vec2::new(6.2, 2.2), 0.62, inside, is);
+    builder.rectangle(Vec2::new(8.5, 1.4), Vec2::new(9.3, 3.1), outside, is);
     builder.build(page_height)
 }
 
@@ -165,7 +165,7 @@ mod tests {
 
     #[test]
     fn nothing_outside_is_reported_and_nothing_inside_is_missing() {
-        let slice = things(400.0).unwrap();
+        let slice = things(350.0).unwrap();
         let Check { hits, outside, missing } = check(&slice).unwrap();
         assert!(hits > 1000 && outside == 0 && missing == 0, "{hits} {outside} {missing}");
         let Boundary { queries, shaders } = boundary(&slice).unwrap();

@@ -16,7 +16,7 @@ use super::{
 use crate::error::{CliError, Result};
 
 /// Points a unit on the page.
-const UNIT: f32 = 46.0;
+const UNIT: f32 = 64.0;
 /// Layers of triangles in a part, so that a bottom level has a size worth sharing.
 const SLICES: u32 = 2000;
 /// Rays that are compared.
@@ -95,7 +95,7 @@ fn top(bottom: &Arc<Blas>, places: &[Affine3A]) -> Result<Tlas> {
 
 /// Draws a bottom level and its instances.
 pub(super) fn draw() -> Result<Drawing> {
-    let mut canvas = Canvas::new(790, 430)?;
+    let mut canvas = Canvas::new(790, 400)?;
     canvas.heading(
         "Figure 26.8 · a structure of two levels",
         "The bottom level holds geometry, transformed by N when it is built. Instances place it by M and share its memory.",
@@ -104,9 +104,9 @@ pub(super) fn draw() -> Result<Drawing> {
     let places = drawn();
     let world = top(&shared, &places)?;
 
-    let floor = 330.0;
-    let left = |p: Vec3| Vec2::new(140.0 + 1.4 * UNIT * p.x, floor - 1.4 * UNIT * p.y);
-    let right = |p: Vec3| Vec2::new(360.0 + UNIT * p.x, floor - UNIT * p.y);
+    let floor = 310.0;
+    let left = |p: Vec3| Vec2::new(150.0 + 1.2 * UNIT * p.x, floor - 1.2 * UNIT * p.y);
+    let right = |p: Vec3| Vec2::new(290.0 + UNIT * p.x, floor - UNIT * p.y);
     tree(&mut canvas, Affine3A::IDENTITY, &left);
     let bounds = shared.bounds();
     frame(&mut canvas, left(bounds.lower), left(bounds.upper), ink::ORANGE);
@@ -118,8 +118,8 @@ pub(super) fn draw() -> Result<Drawing> {
         canvas.text(label, name, 12.5, ink::BLACK, Anchor::End, Style::Plain);
     }
     canvas.line(
-        right(Vec3::new(-0.4, 0.0, 0.0)),
-        right(Vec3::new(8.6, 0.0, 0.0)),
+        right(Vec3::new(-0.1, 0.0, 0.0)),
+        right(Vec3::new(7.2, 0.0, 0.0)),
         Pen::new(ink::GREY, 1.2),
     );
     for (number, &m) in places.iter().enumerate() {
@@ -148,8 +148,13 @@ pub(super) fn draw() -> Result<Drawing> {
         right(all.upper + margin),
         ink::GREY,
     );
-    canvas.label(Vec2::new(140.0, 372.0), "bottom level", ink::ORANGE, Anchor::Middle);
-    canvas.label(Vec2::new(530.0, 372.0), "top level: instances", ink::BLUE, Anchor::Middle);
+    let (from, to) = (right(Vec3::new(all.lower.x - 0.12, 1.35, 0.0)), left(bounds.upper));
+    let (from, to) = (from - Vec2::X * 4.0, Vec2::new(to.x + 5.0, from.y));
+    canvas.arrow(from, to, Pen::new(ink::ORANGE, 1.8));
+    let middle = from.lerp(to, 0.5) - Vec2::new(0.0, 9.0);
+    canvas.label(middle, "all refer to it", ink::ORANGE, Anchor::Middle);
+    canvas.label(Vec2::new(150.0, 348.0), "bottom level", ink::ORANGE, Anchor::Middle);
+    canvas.label(Vec2::new(520.0, 348.0), "top level: instances", ink::BLUE, Anchor::Middle);
 
     let (different, farthest) = compare(&world, &places)?;
     let bottom_bytes = shared.stats().bytes;
