@@ -112,9 +112,9 @@ fn shapes() -> Result<Vec<Box<dyn Shape>>> {
     );
     let drills = Csg::union(Csg::union(drill(Vec3::X), drill(Vec3::Y)), drill(Vec3::Z));
     let landscape =
-        Landscape { seed: 3, level: 7, frequency: 1.5, octaves: 7, gain: 0.42, ridges: 0.5 };
+        Landscape { seed: 3, level: 7, frequency: 1.6, octaves: 6, gain: 0.3, ridges: 0.0 };
     // It lies on its pedestal.
-    let heights = landscape.heights().iter().map(|h| 0.8 * h - 0.65).collect();
+    let heights = landscape.heights().iter().map(|h| 1.1 * h - 0.62).collect();
     let (side, edge) = (landscape.size(), Vec2::splat(0.68));
     let (corners, sizes, faces) = cross();
     Ok(vec![
