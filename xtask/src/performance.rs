@@ -1,4 +1,4 @@
-//! `cargo xtask performance RAYS.json BUILD.json UPDATE.json`: the tables of `docs/performance.md` from the rows
+//! `cargo xtask performance RAYS.json BUILD.json UPDATE.json PIPELINE.json`: the tables of `docs/performance.md` from the rows
 //! that `rayburst bench` wrote. Text outside the markers is left alone.
 
 use std::{fmt::Write as _, fs, path::Path};
@@ -122,6 +122,11 @@ fn report(rows: &[Value]) -> Result<String, String> {
         if !updates.is_empty() {
             let _ = writeln!(out, "## Updates, {threads} {plural}\n");
             update_table(&mut out, &updates);
+        }
+        let pipelines = of("pipeline");
+        if !pipelines.is_empty() {
+            let _ = writeln!(out, "## Shaders, {threads} {plural}\n");
+            pipeline_table(&mut out, &pipelines);
         }
     }
     Ok(out)
@@ -270,6 +275,18 @@ fn update_table(out: &mut String, rows: &[&Value]) {
     table(out, &head, &lines, 3);
 }
 
+fn pipeline_table(out: &mut String, rows: &[&Value]) {
+    let head = ["scene", "form", "Mrays/s", "of", "ratio"].map(str::to_owned);
+    let line = |row: &&Value| {
+        let (peer, ratio) = (text(row, "peer"), number(row, "ratio"));
+        let engine = format!("`{}`", engine(row));
+        let peer = if peer.is_empty() { String::new() } else { format!("`{peer}`") };
+        vec![scene(row), engine, shown(number(row, "value")), peer, shown(ratio)]
+    };
+    let lines: Vec<Vec<String>> = rows.iter().map(line).collect();
+    table(out, &head, &lines, 2);
+}
+
 #[cfg(test)]
 mod tests {
     use serde_json::json;
@@ -325,6 +342,10 @@ mod tests {
             machine(json!({"bench": "update", "case": "instances", "scene": "balls",
                 "instances": 9, "policy": "update:fast", "value": 3.0, "unit": "ratio",
                 "ratio_of": "speed", "peer": "rebuild:fast", "min": 2.5, "max": 3.5})),
+            machine(json!({"bench": "pipeline", "scene": "a/sponza.gltf", "engine": "query",
+                "value": 2.0, "unit": "Mrays/s"})),
+            machine(json!({"bench": "pipeline", "scene": "a/sponza.gltf", "engine": "portable",
+                "value": 4.0, "unit": "Mrays/s", "ratio": 2.0, "peer": "query"})),
         ]
     }
 
@@ -369,6 +390,13 @@ Mrays/s:
 | --- | --- | --- | --: | --: | --: | --: | --: |
 | twist | column | `refit` | 1.25 | ms | 1.00 | 2.00 | 4 |
 | instances | balls, 9 instances | `update:fast` | 3.00 | times as fast as `rebuild:fast` | 2.50 | 3.50 |  |
+
+## Shaders, 1 thread
+
+| scene | form | Mrays/s | of | ratio |
+| --- | --- | --: | --: | --: |
+| sponza | `query` | 2.00 |  | – |
+| sponza | `portable` | 4.00 | `query` | 2.00 |
 
 ";
 

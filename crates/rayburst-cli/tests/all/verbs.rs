@@ -207,7 +207,7 @@ fn updates_are_benchmarked() {
     let [deform, instances, twist, particles] =
         ["deform", "instances", "twist", "particles"].map(of);
     let counts = [deform.len(), instances.len(), twist.len(), particles.len()];
-    assert_eq!(counts, [11, 10, 24, 24]);
+    assert_eq!(counts, [11, 10, 24, 32]);
     assert!(instances.iter().all(|row| row["instances"] == 200));
     assert!(twist.iter().all(|row| row["frames"] == 40));
     let all = twist.iter().find(|row| row["policy"] == "rebuild").unwrap();
