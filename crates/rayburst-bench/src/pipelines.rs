@@ -207,27 +207,25 @@ impl Subject<'_> {
     }
 
     fn portable(&self, picture: &RwTexture<f32>) -> Result<(), BenchError> {
-        let mut table = PortableTable::<f32>::new();
+        // What a pixel is so far, and what it becomes if the light is seen.
+        let mut table = PortableTable::<[f32; 2]>::new();
         let eye = table.ray_type("eye", 0, 0, 0);
         let shadow = table.ray_type("shadow", 1, 0, 1);
-        table.miss(|_, _| (SKY, Next::Done));
-        table.miss(|_, cosine| (cosine, Next::Done));
+        table.miss(|_, _| ([SKY; 2], Next::Done));
+        table.miss(|_, [_, lit]| ([lit; 2], Next::Done));
         let surface = PortableHitGroup::triangles("surface").closest_hit(move |hit, _| {
             let shaded = self.shade(hit.ray.ray, hit.hit.t, hit.hit.primitive);
-            let (flags, mask, ray) =
-                (RayFlags::ACCEPT_FIRST_HIT_AND_END_SEARCH, 0xFF, shaded.towards);
-            (shaded.cosine, Next::Trace(TraceRequest { ray_type: shadow, flags, mask, ray }))
+            let (flags, mask, ray) = (SHADOW, 0xFF, shaded.towards);
+            ([0.0, shaded.cosine], Next::Trace(TraceRequest { ray_type: shadow, flags, mask, ray }))
         });
-        let occluder =
-            PortableHitGroup::triangles("occluder").closest_hit(|_, _| (0.0, Next::Done));
         table.hit(&surface, ());
-        table.hit(&occluder, ());
+        table.hit(&PortableHitGroup::<[f32; 2]>::triangles("occluder"), ());
         let pipeline = table.build(2)?;
         let generate = |at: UVec3| {
             let (flags, mask, ray) = (RayFlags::empty(), 0xFF, self.ray(at.x, at.y));
-            (0.0, Next::Trace(TraceRequest { ray_type: eye, flags, mask, ray }))
+            ([0.0; 2], Next::Trace(TraceRequest { ray_type: eye, flags, mask, ray }))
         };
-        let finish = |at: UVec3, value| picture.store(at.truncate(), value);
+        let finish = |at: UVec3, [value, _]: [f32; 2]| picture.store(at.truncate(), value);
         pipeline.dispatch_rays(&self.tlas, [self.size, self.size, 1], generate, finish)?;
         Ok(())
     }

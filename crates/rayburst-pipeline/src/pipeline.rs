@@ -24,7 +24,9 @@ const MAX_MISS: u32 = 0xFFFF;
 /// Ids and contributions of instances have 24 bits.
 const MAX_OF_INSTANCE: u32 = 0xFF_FFFF;
 /// Launches are run in tiles of so many by so many.
-const TILE: u32 = 8;
+const TILE: u32 = 32;
+/// Launches of a tile follow each other in blocks of so many by so many: their rays need the same memory.
+const BLOCK: u32 = 8;
 
 /// Shaders that fit together, ready to be run over structures (DXR's state object and shader table).
 ///
@@ -123,7 +125,7 @@ pub(crate) fn check_launches(width: u32, height: u32, depth: u32) -> Result<(), 
     Ok(())
 }
 
-/// The launches of each tile of a grid, row by row; tiles are of `side × side`.
+/// The launches of each tile of a grid, block by block; tiles are of `side × side`.
 pub(crate) fn for_each_tile(
     dimensions: UVec3,
     side: u32,
@@ -135,8 +137,12 @@ pub(crate) fn for_each_tile(
         let (column, row) = (tile % u64::from(columns), tile / u64::from(columns));
         let (row, z) = ((row % u64::from(rows)) as u32, (row / u64::from(rows)) as u32);
         let (left, top) = (column as u32 * side, row * side);
-        (top..height.min(top.saturating_add(side))).flat_map(move |y| {
-            (left..width.min(left.saturating_add(side))).map(move |x| UVec3::new(x, y, z))
+        let part = |from: u32, size: u32, end: u32| from..end.min(from.saturating_add(size));
+        part(top, side, height).step_by(BLOCK as usize).flat_map(move |y0| {
+            part(left, side, width).step_by(BLOCK as usize).flat_map(move |x0| {
+                part(y0, BLOCK, height)
+                    .flat_map(move |y| part(x0, BLOCK, width).map(move |x| UVec3::new(x, y, z)))
+            })
         })
     })
 }

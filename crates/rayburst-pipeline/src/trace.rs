@@ -128,12 +128,22 @@ pub(crate) fn trace_ray(
     }
 }
 
+/// A ray whose closed interval holds what is in the open one, as DXR's is for triangles.
+///
+/// Ends at zero move by more than a bit: subnormal numbers would make every ray slower.
+pub(crate) fn open(ray: &Ray) -> Ray {
+    /// Below this `t` is as good as zero (2⁻¹⁰⁰).
+    const LEAST: f32 = f32::from_bits((127 - 100) << 23);
+    let t_min = if ray.t_min.abs() < LEAST { LEAST } else { ray.t_min.next_up() };
+    let t_max = if ray.t_max.abs() < LEAST { -LEAST } else { ray.t_max.next_down() };
+    Ray { t_min, t_max, ..*ray }
+}
+
 /// The triangle that a ray stops at, and whether that ends the search.
 fn find_triangle(search: &Search<'_>, mask: u8, payload: &mut dyn Any) -> (Hit, bool) {
     let (tlas, ray) = (search.call.dispatch.tlas, &search.ray.ray);
     let options = search.ray.flags.options(mask);
-    // DXR's interval is open for triangles.
-    let ray = Ray { t_min: ray.t_min.next_up(), t_max: ray.t_max.next_down(), ..*ray };
+    let ray = open(ray);
     let first = search.ray.flags.contains(RayFlags::ACCEPT_FIRST_HIT_AND_END_SEARCH);
     if !search.call.dispatch.pipeline.has_any_hit {
         return if first {

@@ -1,7 +1,5 @@
 //! Running portable shaders: a tile's rays, traced in batches and shaded record by record.
 
-use std::cmp::Reverse;
-
 use glam::UVec3;
 use rayburst_accel::{AcceptAll, CandidateFilter, RayFlags, Tlas};
 use rayburst_math::{Hit, HitKind, Ray};
@@ -11,10 +9,11 @@ use super::{Next, PortableHit, PortablePipeline, PortableRay, TraceRequest};
 use crate::{
     AnyHitResult, DispatchError,
     pipeline::{check_launches, for_each_tile},
+    trace::open,
 };
 
-/// Launches of a tile along a side.
-const TILE: u32 = 64;
+/// Launches of a tile along a side: what is kept of them stays in the second cache.
+const TILE: u32 = 32;
 
 /// A launch on its way.
 struct State<P> {
@@ -167,13 +166,11 @@ impl<P: Copy + Send + Sync + 'static> PortablePipeline<'_, P> {
             }
         };
         let found: Vec<u64> = states.iter().zip(hits).map(find).collect();
-        let mut order: Vec<u32> = (0..states.len() as u32).collect();
-        order.sort_by_key(|&i| Reverse(found[i as usize]));
         let mut rest = Vec::with_capacity(states.len());
-        let mut chosen: Vec<(u32, P, Next)> = Vec::with_capacity(states.len());
+        let mut chosen: Vec<Option<(P, Next)>> = vec![None; states.len()];
         let batch = Batch { pipeline: self, tlas, dimensions, states: &states };
-        for index in order {
-            let i = index as usize;
+        for i in by_record(&found, self.hits.len()) {
+            let i = i as usize;
             let (state, hit, ray) = (&states[i], &hits[i], batch.ray(i));
             let skips = state.request.flags.contains(RayFlags::SKIP_CLOSEST_HIT_SHADER);
             let (payload, next) = if found[i] == MISS {
@@ -193,11 +190,11 @@ impl<P: Copy + Send + Sync + 'static> PortablePipeline<'_, P> {
                     _ => (state.payload, Next::Done),
                 }
             };
-            chosen.push((index, payload, next));
+            chosen[i] = Some((payload, next));
         }
-        // Back into the order of launches, in which neighbours go about the same way.
-        chosen.sort_unstable_by_key(|&(index, ..)| index);
-        for ((_, payload, next), state) in chosen.into_iter().zip(states) {
+        // In the order of launches, in which neighbours go about the same way.
+        for (chosen, state) in chosen.into_iter().zip(states) {
+            let Some((payload, next)) = chosen else { continue };
             match next {
                 Next::Done => finish(state.launch, payload),
                 Next::Trace(request) => {
@@ -209,15 +206,36 @@ impl<P: Copy + Send + Sync + 'static> PortablePipeline<'_, P> {
     }
 }
 
+/// Indices of rays in the order of the records that they found, of which there are so many; what is no
+/// record comes last.
+fn by_record(found: &[u64], records: usize) -> Vec<u32> {
+    let mut order: Vec<u32> = (0..found.len() as u32).collect();
+    if records > found.len() {
+        order.sort_by_key(|&i| found[i as usize]);
+        return order;
+    }
+    let bucket = |found: u64| found.min(records as u64) as usize;
+    let mut starts = vec![0u32; records + 2];
+    for &found in found {
+        starts[bucket(found) + 1] += 1;
+    }
+    for i in 1..starts.len() {
+        starts[i] += starts[i - 1];
+    }
+    for (i, &found) in (0..).zip(found) {
+        let start = &mut starts[bucket(found)];
+        order[*start as usize] = i;
+        *start += 1;
+    }
+    order
+}
+
 impl<P> Batch<'_, P> {
     /// Traces all rays, which have the same flags, mask and type.
     fn trace(&self, hits: &mut [Hit]) {
         let Some(first) = self.states.first() else { return };
         let TraceRequest { flags, mask, .. } = first.request;
         let options = flags.options(mask);
-        // DXR's interval is open for triangles.
-        let open =
-            |ray: &Ray| Ray { t_min: ray.t_min.next_up(), t_max: ray.t_max.next_down(), ..*ray };
         let rays: Vec<Ray> = self.states.iter().map(|state| open(&state.request.ray)).collect();
         let any = RayFlags::ACCEPT_FIRST_HIT_AND_END_SEARCH | RayFlags::SKIP_CLOSEST_HIT_SHADER;
         if flags.contains(any) {
