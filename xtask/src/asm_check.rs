@@ -56,7 +56,6 @@ const CHECKS: &[(&str, &str)] = &[
     // Looking at 64 rays, and putting them side by side.
     ("traverse/batch.rs", "stream::sort("),
     ("traverse/batch.rs", "is_coherent(&rays[part"),
-    ("traverse/batch.rs", "alike(&part["),
     ("bundle/mod.rs", "let part = &rays[first..];"),
     ("bundle/mod.rs", "tracer.isa.load16("),
     ("bundle/mod.rs", "tracer.structure.local(&part["),

@@ -3,6 +3,7 @@
 
 use std::cell::Cell;
 
+use glam::Vec3;
 use rayburst_math::Ray;
 use rayburst_simd::Isa;
 
@@ -71,16 +72,22 @@ fn is_coherent(part: &[Ray]) -> bool {
     let [first, .., last] = part else {
         return false;
     };
-    let leads = first.direction;
-    let alike = |ray: &Ray| {
-        let (d, cosine) = (ray.direction, leads.dot(ray.direction));
-        // Within 37°.
-        cosine > 0.0 && cosine * cosine > 0.64 * leads.length_squared() * d.length_squared()
+    let (leads, count) = (first.direction, part.len());
+    let (Some(second), Some(third)) = (part.get(count / 3), part.get(count * 2 / 3)) else {
+        return false;
     };
-    part.len() >= BUNDLE / 2
-        && alike(last)
-        && alike(&part[part.len() / 3])
-        && alike(&part[part.len() * 2 / 3])
+    count >= BUNDLE / 2
+        && is_alike(leads, last)
+        && is_alike(leads, second)
+        && is_alike(leads, third)
+}
+
+/// Whether a ray goes about the way of a direction: within 37°. Not a closure: called more than once, it
+/// would not be inlined for sure.
+#[inline(always)]
+fn is_alike(leads: Vec3, ray: &Ray) -> bool {
+    let (d, cosine) = (ray.direction, leads.dot(ray.direction));
+    cosine > 0.0 && cosine * cosine > 0.64 * leads.length_squared() * d.length_squared()
 }
 
 /// Whether bundles paid lately: after failures they are tried now and then only.
