@@ -30,13 +30,11 @@ pub struct PipelineBench {
     pub seconds: f64,
     /// Width and height of the picture, pixels.
     pub size: u32,
-    /// Which forms; none is all.
-    pub forms: Vec<Form>,
 }
 
 /// A way to trace and shade.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Form {
+enum Form {
     /// A loop over pixels with a query for each ray.
     Query,
     /// A loop over tiles with a query for all their rays.
@@ -51,7 +49,7 @@ pub enum Form {
 
 impl Form {
     /// All of them.
-    pub const ALL: [Self; 9] = [
+    const ALL: [Self; 9] = [
         Self::Query,
         Self::Batch,
         Self::Portable,
@@ -64,7 +62,7 @@ impl Form {
     ];
 
     /// Its name.
-    pub fn name(self) -> String {
+    fn name(self) -> String {
         match self {
             Self::Query => "query".to_owned(),
             Self::Batch => "batch".to_owned(),
@@ -263,7 +261,7 @@ pub fn bench_pipelines(
     let above = bounds.lower.y + 0.75 * (bounds.upper.y - bounds.lower.y);
     let light = mesh.light.unwrap_or(bounds.centre().with_y(above));
     let subject = Subject { mesh, tlas, camera, light, size };
-    let forms: &[Form] = if options.forms.is_empty() { &Form::ALL } else { &options.forms };
+    let forms = &Form::ALL;
 
     let picture = RwTexture::new(size, size);
     let mut pictures = Vec::with_capacity(forms.len());
@@ -337,8 +335,7 @@ mod tests {
         let bounds = mesh.bounds();
         let eye = bounds.centre().with_z(bounds.upper.z + 1.5 * bounds.diagonal());
         let camera = Camera::look_at(eye, bounds.centre(), Vec3::Y, 0.6);
-        let options =
-            PipelineBench { threads: 1, repeats: 1, seconds: 0.0, size: 40, forms: vec![] };
+        let options = PipelineBench { threads: 1, repeats: 1, seconds: 0.0, size: 40 };
         let mut reported = 0;
         let rows = bench_pipelines("cornell", &mesh, &camera, &options, &mut |_| reported += 1);
         let rows = rows.unwrap();

@@ -105,7 +105,7 @@ impl<'s> Pipeline<'s> {
         self.check(tlas)?;
         let dimensions = UVec3::new(width, height, depth);
         let dispatch = Dispatch { pipeline: self, tlas, dimensions, failure: Failure::default() };
-        for_each_tile(dimensions, TILE).for_each(|launches| {
+        tiles(dimensions, TILE).for_each(|launches| {
             for launch_index in launches {
                 let call = Call { dispatch: &dispatch, launch_index, depth: 0, callable_depth: 0 };
                 (record.run)(&RayGeneration { call });
@@ -126,14 +126,14 @@ pub(crate) fn check_launches(width: u32, height: u32, depth: u32) -> Result<(), 
 }
 
 /// The launches of each tile of a grid, block by block; tiles are of `side × side`.
-pub(crate) fn for_each_tile(
+pub(crate) fn tiles(
     dimensions: UVec3,
     side: u32,
 ) -> impl ParallelIterator<Item = impl Iterator<Item = UVec3>> {
     let UVec3 { x: width, y: height, z: depth } = dimensions;
     let (columns, rows) = (width.div_ceil(side), height.div_ceil(side));
-    let tiles = u64::from(columns) * u64::from(rows) * u64::from(depth);
-    (0..tiles).into_par_iter().map(move |tile| {
+    let count = u64::from(columns) * u64::from(rows) * u64::from(depth);
+    (0..count).into_par_iter().map(move |tile| {
         let (column, row) = (tile % u64::from(columns), tile / u64::from(columns));
         let (row, z) = ((row % u64::from(rows)) as u32, (row / u64::from(rows)) as u32);
         let (left, top) = (column as u32 * side, row * side);

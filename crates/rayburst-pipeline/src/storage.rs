@@ -50,23 +50,9 @@ impl<T: NoUninit + AnyBitPattern> RwBuffer<T> {
     /// Reads an element; beyond the end zero, as in DXR.
     pub fn load(&self, index: usize) -> T {
         let mut value = T::zeroed();
-        let bytes = self.words(index).into_iter().flatten().enumerate();
-        let mut all = [0u8; 256];
-        if Self::WORDS <= 64 {
-            for (at, word) in bytes {
-                all[4 * at..4 * at + 4]
-                    .copy_from_slice(&word.load(Ordering::Relaxed).to_ne_bytes());
-            }
-            value = bytemuck::pod_read_unaligned(&all[..size_of::<T>()]);
-        } else {
-            let mut all = vec![0u8; size_of::<T>()];
-            for (at, word) in bytes {
-                all[4 * at..4 * at + 4]
-                    .copy_from_slice(&word.load(Ordering::Relaxed).to_ne_bytes());
-            }
-            if !all.is_empty() {
-                value = bytemuck::pod_read_unaligned(&all);
-            }
+        let bytes = bytemuck::bytes_of_mut(&mut value).chunks_exact_mut(4);
+        for (bytes, word) in bytes.zip(self.words(index).into_iter().flatten()) {
+            bytes.copy_from_slice(&word.load(Ordering::Relaxed).to_ne_bytes());
         }
         value
     }

@@ -21,7 +21,6 @@ pub(super) fn run(args: &BenchPipelineArgs) -> Result<()> {
         repeats: args.repeat,
         seconds: f64::from(args.seconds),
         size: args.resolution,
-        forms: vec![],
     };
     let mut all = Vec::new();
     for name in &args.scenes {

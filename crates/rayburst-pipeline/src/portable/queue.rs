@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::{Next, PortableHit, PortablePipeline, PortableRay, TraceRequest};
 use crate::{
     AnyHitResult, DispatchError,
-    pipeline::{check_launches, for_each_tile},
+    pipeline::{check_launches, tiles},
     trace::open,
 };
 
@@ -86,7 +86,7 @@ impl<P: Copy + Send + Sync + 'static> PortablePipeline<'_, P> {
         check_launches(width, height, depth)?;
         self.check(tlas)?;
         let dimensions = UVec3::new(width, height, depth);
-        let failures = for_each_tile(dimensions, TILE).map(|launches| {
+        let failures = tiles(dimensions, TILE).map(|launches| {
             let mut states = Vec::with_capacity((TILE * TILE) as usize);
             let mut failure = None;
             for launch in launches {

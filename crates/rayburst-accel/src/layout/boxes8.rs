@@ -1,4 +1,4 @@
-//! The 8-wide tree over boxes in the order of a curve: the fast build of a structure of instances.
+//! The 8-wide tree over boxes in the order of a curve: the fast build over instances and procedural primitives.
 //!
 //! After Pantaleoni, Luebke, "HLBVH: hierarchical LBVH construction for real-time ray tracing of
 //! dynamic geometry", 2010, as [`super::hlbvh8`] is, whose nodes above clusters are used here.
