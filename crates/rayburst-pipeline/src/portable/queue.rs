@@ -20,7 +20,35 @@ struct State<P> {
     launch: UVec3,
     payload: P,
     request: TraceRequest,
+    /// Rays that were traced before.
     depth: u32,
+    /// Whether no ray is left to trace.
+    done: bool,
+}
+
+/// The launches of a tile and what their rays find; one a thread at a time, kept from tile to tile.
+struct Queue<P> {
+    states: Vec<State<P>>,
+    rays: Vec<Ray>,
+    hits: Vec<Hit>,
+    occluded: Vec<bool>,
+    found: Vec<u32>,
+    order: Vec<u32>,
+    starts: Vec<u32>,
+}
+
+impl<P> Default for Queue<P> {
+    fn default() -> Self {
+        Self {
+            states: vec![],
+            rays: vec![],
+            hits: vec![],
+            occluded: vec![],
+            found: vec![],
+            order: vec![],
+            starts: vec![],
+        }
+    }
 }
 
 /// Rays that are traced together.
@@ -86,24 +114,33 @@ impl<P: Copy + Send + Sync + 'static> PortablePipeline<'_, P> {
         check_launches(width, height, depth)?;
         self.check(tlas)?;
         let dimensions = UVec3::new(width, height, depth);
-        let failures = tiles(dimensions, TILE).map(|launches| {
-            let mut states = Vec::with_capacity((TILE * TILE) as usize);
-            let mut failure = None;
+        let order = |launch: &UVec3| (launch.z, launch.y, launch.x);
+        let failures = tiles(dimensions, TILE).map_init(Queue::default, |queue, launches| {
+            queue.states.clear();
             for launch in launches {
                 let (payload, next) = generate(launch);
                 match next {
                     Next::Done => finish(launch, payload),
                     Next::Trace(request) => {
-                        states.push(State { launch, payload, request, depth: 0 });
+                        queue.states.push(State {
+                            launch,
+                            payload,
+                            request,
+                            depth: 0,
+                            done: false,
+                        });
                     }
                 }
             }
-            while !states.is_empty() {
-                states = self.step(tlas, dimensions, states, &finish, &mut failure);
+            while let Some(first) = queue.states.first() {
+                // All have traced as many: none may go on.
+                if first.depth >= self.max_rays {
+                    return queue.states.iter().map(|state| state.launch).min_by_key(order);
+                }
+                self.step(tlas, dimensions, queue, &finish);
             }
-            failure
+            None
         });
-        let order = |launch: &UVec3| (launch.z, launch.y, launch.x);
         let first = failures.flatten().min_by_key(order);
         match first {
             Some(launch) => Err(DispatchError::TooManyRays { launch, limit: self.max_rays }),
@@ -111,21 +148,15 @@ impl<P: Copy + Send + Sync + 'static> PortablePipeline<'_, P> {
         }
     }
 
-    /// Traces the rays of some launches and shades what they hit; returns those that go on.
+    /// Traces the next ray of every launch, shades what they hit, and keeps the launches that go on.
     fn step(
         &self,
         tlas: &Tlas,
         dimensions: UVec3,
-        mut states: Vec<State<P>>,
+        queue: &mut Queue<P>,
         finish: &impl Fn(UVec3, P),
-        failure: &mut Option<UVec3>,
-    ) -> Vec<State<P>> {
-        let too_many = |state: &State<P>| state.depth >= self.max_rays;
-        if let Some(state) = states.iter().find(|state| too_many(state)) {
-            // All have traced as many: none may go on.
-            *failure = failure.or(Some(state.launch));
-            return vec![];
-        }
+    ) {
+        let Queue { states, rays, hits, occluded, .. } = queue;
         // Rays of different flags cannot share a batch.
         let kind = |state: &State<P>| {
             let TraceRequest { ray_type, flags, mask, .. } = state.request;
@@ -134,46 +165,56 @@ impl<P: Copy + Send + Sync + 'static> PortablePipeline<'_, P> {
         if !states.is_sorted_by_key(kind) {
             states.sort_by_key(kind);
         }
-        let mut hits = vec![Hit::MISS; states.len()];
+        rays.clear();
+        rays.extend(states.iter().map(|state| open(&state.request.ray)));
+        hits.clear();
+        hits.resize(states.len(), Hit::MISS);
         let mut start = 0;
         for part in states.chunk_by(|a, b| kind(a) == kind(b)) {
-            let end = start + part.len();
+            let range = start..start + part.len();
+            start = range.end;
             let batch = Batch { pipeline: self, tlas, dimensions, states: part };
-            batch.trace(&mut hits[start..end]);
-            start = end;
+            batch.trace(&rays[range.clone()], &mut hits[range], occluded);
         }
-        self.shade(tlas, dimensions, states, &hits, finish)
+        self.shade(tlas, dimensions, queue, finish);
+        // In the order of launches, in which neighbours go about the same way.
+        queue.states.retain(|state| !state.done);
     }
 
-    /// Runs the shaders of what rays hit, record by record; returns the launches that go on.
+    /// Runs the shaders of what rays hit, record by record.
     fn shade(
         &self,
         tlas: &Tlas,
         dimensions: UVec3,
-        states: Vec<State<P>>,
-        hits: &[Hit],
+        queue: &mut Queue<P>,
         finish: &impl Fn(UVec3, P),
-    ) -> Vec<State<P>> {
-        /// What rays find that miss, after all records.
-        const MISS: u64 = u64::MAX;
-        let find = |(state, hit): (&State<P>, &Hit)| {
+    ) {
+        let Queue { states, hits, found, order, starts, .. } = queue;
+        let records = self.hits.len() as u32;
+        // What finds no record comes after all of them.
+        let (occluded, miss) = (records, records + 1);
+        found.clear();
+        found.extend(states.iter().zip(&*hits).map(|(state, hit)| {
             if !hit.is_hit() {
-                MISS
+                miss
             } else if *hit == SOME_HIT {
-                MISS - 1
+                occluded
             } else {
-                record_of(self, tlas, &state.request, hit)
+                record_of(self, tlas, &state.request, hit) as u32
             }
-        };
-        let found: Vec<u64> = states.iter().zip(hits).map(find).collect();
-        let mut rest = Vec::with_capacity(states.len());
-        let mut chosen: Vec<Option<(P, Next)>> = vec![None; states.len()];
-        let batch = Batch { pipeline: self, tlas, dimensions, states: &states };
-        for i in by_record(&found, self.hits.len()) {
+        }));
+        by_record(found, records + 2, starts, order);
+        for &i in &*order {
             let i = i as usize;
-            let (state, hit, ray) = (&states[i], &hits[i], batch.ray(i));
+            let (state, hit) = (&mut states[i], &hits[i]);
+            let ray = PortableRay {
+                launch_index: state.launch,
+                launch_dimensions: dimensions,
+                ray: &state.request.ray,
+                depth: state.depth,
+            };
             let skips = state.request.flags.contains(RayFlags::SKIP_CLOSEST_HIT_SHADER);
-            let (payload, next) = if found[i] == MISS {
+            let (payload, next) = if found[i] == miss {
                 let ray_type = &self.ray_types[state.request.ray_type.index as usize];
                 match &self.misses[ray_type.miss as usize] {
                     Some(miss) => (miss.run)(&ray, state.payload),
@@ -190,68 +231,67 @@ impl<P: Copy + Send + Sync + 'static> PortablePipeline<'_, P> {
                     _ => (state.payload, Next::Done),
                 }
             };
-            chosen[i] = Some((payload, next));
-        }
-        // In the order of launches, in which neighbours go about the same way.
-        for (chosen, state) in chosen.into_iter().zip(states) {
-            let Some((payload, next)) = chosen else { continue };
             match next {
-                Next::Done => finish(state.launch, payload),
+                Next::Done => {
+                    finish(state.launch, payload);
+                    state.done = true;
+                }
                 Next::Trace(request) => {
-                    rest.push(State { payload, request, depth: state.depth + 1, ..state });
+                    state.payload = payload;
+                    state.request = request;
+                    state.depth += 1;
                 }
             }
         }
-        rest
     }
 }
 
-/// Indices of rays in the order of the records that they found, of which there are so many; what is no
-/// record comes last.
-fn by_record(found: &[u64], records: usize) -> Vec<u32> {
-    let mut order: Vec<u32> = (0..found.len() as u32).collect();
-    if records > found.len() {
+/// Puts the indices of rays in `order`, sorted by what they found, which is less than `kinds`.
+fn by_record(found: &[u32], kinds: u32, starts: &mut Vec<u32>, order: &mut Vec<u32>) {
+    order.clear();
+    if kinds as usize > found.len() {
+        order.extend(0..found.len() as u32);
         order.sort_by_key(|&i| found[i as usize]);
-        return order;
+        return;
     }
-    let bucket = |found: u64| found.min(records as u64) as usize;
-    let mut starts = vec![0u32; records + 2];
+    starts.clear();
+    starts.resize(kinds as usize + 1, 0);
     for &found in found {
-        starts[bucket(found) + 1] += 1;
+        starts[found as usize + 1] += 1;
     }
     for i in 1..starts.len() {
         starts[i] += starts[i - 1];
     }
+    order.resize(found.len(), 0);
     for (i, &found) in (0..).zip(found) {
-        let start = &mut starts[bucket(found)];
+        let start = &mut starts[found as usize];
         order[*start as usize] = i;
         *start += 1;
     }
-    order
 }
 
 impl<P> Batch<'_, P> {
     /// Traces all rays, which have the same flags, mask and type.
-    fn trace(&self, hits: &mut [Hit]) {
+    fn trace(&self, rays: &[Ray], hits: &mut [Hit], occluded: &mut Vec<bool>) {
         let Some(first) = self.states.first() else { return };
         let TraceRequest { flags, mask, .. } = first.request;
         let options = flags.options(mask);
-        let rays: Vec<Ray> = self.states.iter().map(|state| open(&state.request.ray)).collect();
         let any = RayFlags::ACCEPT_FIRST_HIT_AND_END_SEARCH | RayFlags::SKIP_CLOSEST_HIT_SHADER;
         if flags.contains(any) {
-            let mut occluded = vec![false; rays.len()];
+            occluded.clear();
+            occluded.resize(rays.len(), false);
             if self.pipeline.has_any_hit {
-                self.tlas.any_hits(&rays, &mut occluded, &options, self);
+                self.tlas.any_hits(rays, occluded, &options, self);
             } else {
-                self.tlas.any_hits(&rays, &mut occluded, &options, &AcceptAll);
+                self.tlas.any_hits(rays, occluded, &options, &AcceptAll);
             }
-            for (hit, occluded) in hits.iter_mut().zip(occluded) {
+            for (hit, &occluded) in hits.iter_mut().zip(&*occluded) {
                 *hit = if occluded { SOME_HIT } else { Hit::MISS };
             }
         } else if self.pipeline.has_any_hit {
-            self.tlas.closest_hits(&rays, hits, &options, self);
+            self.tlas.closest_hits(rays, hits, &options, self);
         } else {
-            self.tlas.closest_hits(&rays, hits, &options, &AcceptAll);
+            self.tlas.closest_hits(rays, hits, &options, &AcceptAll);
         }
     }
 }
