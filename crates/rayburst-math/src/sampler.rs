@@ -3,6 +3,14 @@
 //! `sobol` pads four-dimensional Sobol' points, each group shuffled and each dimension
 //! Owen-scrambled by hashes (Burley: "Practical Hash-based Owen Scrambling", JCGT 2020; the hash is
 //! Laine and Karras's with Vegdahl's constants). The direction numbers are those of Joe and Kuo (2008).
+//!
+//! `blue` is for frames of one sample a pixel: pixels take the points of one scrambled Sobol' sequence in
+//! the order of a scrambled Z curve, so that every block of 2ⁿ×2ⁿ pixels has well spread points and the
+//! noise is blue over the screen (Ahmed, Wonka: "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling
+//! Error via Hierarchical Ordering of Pixels", SIGGRAPH Asia 2020). From frame to frame each pixel's point
+//! moves on by an irrational step, so that it is well spread over time, too (Cranley, Patterson:
+//! "Randomization of Number Theoretic Methods for Multiple Integration", 1976; the steps are the powers of
+//! the inverse plastic number, Roberts 2018).
 
 use glam::Vec2;
 
@@ -16,22 +24,29 @@ pub enum SamplerKind {
     Sobol,
     /// Independent hashed numbers.
     Independent,
+    /// Blue noise over the screen and over frames; the sample's number is the frame's.
+    Blue,
 }
 
 impl SamplerKind {
     /// All kinds with the names users type.
-    pub const ALL: [(&'static str, Self); 2] =
-        [("sobol", Self::Sobol), ("independent", Self::Independent)];
+    pub const ALL: [(&'static str, Self); 3] =
+        [("sobol", Self::Sobol), ("independent", Self::Independent), ("blue", Self::Blue)];
 }
 
 /// The sequence of one sample of one pixel: 16 bytes, copied freely, no state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampler {
     kind: SamplerKind,
-    /// Hash of seed and pixel.
+    /// Hash of seed and pixel; for `blue` the seed.
     key: u32,
     sample: u32,
+    /// The pixel's place on the Z curve.
+    place: u32,
 }
+
+/// Steps from frame to frame of the four dimensions of a group: fractions of 2³².
+const STEPS: [u32; 4] = [0xc13f_a9a9, 0x91e1_0da6, 0x9e37_79b9, 0xb505_f334];
 
 /// Direction numbers of the first four Sobol' dimensions.
 const SOBOL: [[u32; 32]; 4] = [
@@ -107,11 +122,38 @@ fn owen_scramble(x: u32, seed: u32) -> u32 {
     x.reverse_bits()
 }
 
+/// The number of a pixel on the Z curve; sides of 65,536 pixels.
+#[inline]
+pub fn z_order(x: u32, y: u32) -> u32 {
+    let spread = |v: u32| {
+        let v = v & 0xffff;
+        let v = (v | (v << 8)) & 0x00ff_00ff;
+        let v = (v | (v << 4)) & 0x0f0f_0f0f;
+        let v = (v | (v << 2)) & 0x3333_3333;
+        (v | (v << 1)) & 0x5555_5555
+    };
+    spread(x) | (spread(y) << 1)
+}
+
 impl Sampler {
-    /// The sequence of sample number `sample` of pixel number `pixel`.
+    /// The sequence of sample number `sample` of pixel number `pixel`. For `blue`, pixels whose numbers
+    /// are near each other are neighbours; better use [`Sampler::at`].
     #[inline]
     pub fn new(kind: SamplerKind, seed: u32, pixel: u32, sample: u32) -> Self {
-        Self { kind, key: hash::combine(seed, pixel), sample }
+        match kind {
+            SamplerKind::Blue => Self { kind, key: seed, sample, place: pixel },
+            _ => Self { kind, key: hash::combine(seed, pixel), sample, place: 0 },
+        }
+    }
+
+    /// The sequence of a sample of the pixel in column `x` and row `y` of a picture of that width.
+    #[inline]
+    pub fn at(kind: SamplerKind, seed: u32, (x, y): (u32, u32), width: u32, sample: u32) -> Self {
+        let pixel = match kind {
+            SamplerKind::Blue => z_order(x, y),
+            _ => y.wrapping_mul(width).wrapping_add(x),
+        };
+        Self::new(kind, seed, pixel, sample)
     }
 
     #[inline]
@@ -125,6 +167,14 @@ impl Sampler {
                 let index = owen_scramble(self.sample, group);
                 let within = dimension & 3;
                 owen_scramble(sobol(index, within as usize), hash::combine(group, within))
+            }
+            SamplerKind::Blue => {
+                let group = hash::combine(self.key, dimension >> 2);
+                let within = dimension & 3;
+                let index = owen_scramble(self.place, group);
+                let point =
+                    owen_scramble(sobol(index, within as usize), hash::combine(group, within));
+                point.wrapping_add(self.sample.wrapping_mul(STEPS[within as usize]))
             }
         }
     }
@@ -186,7 +236,7 @@ mod tests {
 
     #[test]
     fn dimensions_and_pixels_are_uncorrelated() {
-        for kind in [SamplerKind::Sobol, SamplerKind::Independent] {
+        for (_, kind) in SamplerKind::ALL {
             for (a, b) in [(0u32, 4u32), (1, 6), (2, 9), (5, 130)] {
                 let n = 4096;
                 let mut sum = 0.0f64;
@@ -197,6 +247,61 @@ mod tests {
                 // Standard deviation of the mean product of independent numbers: (1/12)/sqrt(n).
                 let z = sum / f64::from(n) * 12.0 * f64::from(n).sqrt();
                 assert!(z.abs() < 4.5, "{kind:?} {a} {b}: {z}");
+            }
+        }
+    }
+
+    #[test]
+    fn blocks_of_pixels_are_well_spread_in_every_frame() {
+        for frame in [0, 1, 77] {
+            for (left, top) in [(0, 0), (24, 8), (4096, 640)] {
+                for dimension in [0, 2, 5, 130] {
+                    let mut seen = [0; 16];
+                    for i in 0..16 {
+                        let (x, y) = (left + i % 4, top + i / 4);
+                        let sampler = Sampler::at(SamplerKind::Blue, 3, (x, y), 8192, frame);
+                        // Without the frame's step the points are one in each sixteenth.
+                        let still = Sampler::at(SamplerKind::Blue, 3, (x, y), 8192, 0);
+                        seen[(still.get_1d(dimension) * 16.0) as usize] += 1;
+                        assert!((0.0..1.0).contains(&sampler.get_1d(dimension)));
+                    }
+                    assert_eq!(seen, [1; 16]);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_noise_of_a_frame_is_blue() {
+        // The mean over blocks of 4×4 pixels varies much less than that of independent numbers.
+        let variance = |kind: SamplerKind, frame: u32| {
+            let mut sum = 0.0f64;
+            for block in 0..256 {
+                let mut mean = 0.0;
+                for i in 0..16 {
+                    let pixel = (block % 16 * 4 + i % 4, block / 16 * 4 + i / 4);
+                    mean += f64::from(Sampler::at(kind, 9, pixel, 64, frame).get_1d(2)) / 16.0;
+                }
+                sum += (mean - 0.5).powi(2) / 256.0;
+            }
+            sum
+        };
+        for frame in 0..8 {
+            let independent = variance(SamplerKind::Independent, frame);
+            assert!(variance(SamplerKind::Blue, frame) < 0.2 * independent);
+        }
+    }
+
+    #[test]
+    fn a_pixel_is_well_spread_over_frames() {
+        for dimension in 0..8 {
+            for pixel in [(0, 0), (17, 5), (300, 211)] {
+                let mut seen = [0u32; 8];
+                for frame in 0..64 {
+                    let sampler = Sampler::at(SamplerKind::Blue, 1, pixel, 640, frame);
+                    seen[(sampler.get_1d(dimension) * 8.0) as usize] += 1;
+                }
+                assert!(seen.iter().all(|n| (6..=10).contains(n)), "{dimension}: {seen:?}");
             }
         }
     }

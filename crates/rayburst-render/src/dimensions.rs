@@ -46,3 +46,15 @@ impl Vertex {
         self.0 + 6
     }
 }
+
+/// Where on a punctual light of a frame that is asked for by a ray of its own; two numbers.
+#[inline]
+pub(crate) const fn exact_light(number: u32) -> u32 {
+    EXACT_LIGHTS + 2 * number
+}
+
+/// Past those of the longest paths.
+const EXACT_LIGHTS: u32 = 1 << 24;
+
+/// Where the rays of ambient occlusion go; two numbers.
+pub(crate) const OCCLUSION: u32 = (1 << 24) - 4;

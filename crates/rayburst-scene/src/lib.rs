@@ -29,12 +29,12 @@ pub mod texture;
 pub mod texture_lookup;
 
 pub use alpha::AlphaFilter;
-pub use bsdf::{Bsdf, BsdfSample, SpecularPath};
+pub use bsdf::{Bsdf, BsdfSample, LobeValues, SpecularPath};
 pub use camera::{Camera, Projection};
 pub use environment::Environment;
 pub use flatten::{FlatGeometry, FlatInstance, FlatScene, FlattenError, Flattener};
 pub use light::{Light, LightKind};
-pub use light_sampler::{Arrival, LightSample, LightSampler};
+pub use light_sampler::{Arrival, LightKinds, LightSample, LightSampler};
 pub use material::{AlphaMode, Material, ShadingModel, TextureSlot};
 pub use mesh::{Mesh, MorphTarget, Primitive, VertexSkin};
 pub use pose::Pose;

@@ -12,10 +12,10 @@
 
 use std::f32::consts::FRAC_1_PI;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use super::{
-    BsdfSample, SpecularPath,
+    BsdfSample, LobeValues, SpecularPath,
     albedo::{self, Albedo},
     fresnel, ggx, specular,
 };
@@ -99,6 +99,12 @@ impl Lobes {
         self.f90 == 0.0
     }
 
+    /// Whether the glossy lobe is a perfect mirror.
+    #[inline]
+    pub(super) fn is_smooth(&self) -> bool {
+        self.alpha == 0.0 && !self.is_lambert()
+    }
+
     #[inline]
     pub(super) fn is_mirror_only(&self) -> bool {
         self.alpha == 0.0 && self.base == Vec3::ZERO && !self.is_lambert()
@@ -170,6 +176,89 @@ impl Lobes {
             }
         }
         (f * wi.z, pdf)
+    }
+
+    /// The broad lobes (base and returned light) and the glossy one (GGX) apart, each with the density of
+    /// sampling it alone.
+    #[inline]
+    pub(super) fn evaluate_apart(&self, wo: Vec3, wi: Vec3) -> LobeValues {
+        let cosine_pdf = wi.z * FRAC_1_PI;
+        let mut values = LobeValues { broad_pdf: cosine_pdf, ..LobeValues::default() };
+        if self.is_lambert() {
+            values.broad = self.base * cosine_pdf;
+            return values;
+        }
+        let (o, i) = (albedo::directional(wo.z, self.alpha), albedo::directional(wi.z, self.alpha));
+        let base = (1.0 - self.coat_albedo(o)) * (1.0 - self.coat_albedo(i)) * self.base_norm;
+        values.broad = self.base * (base * wi.z);
+        if self.alpha > 0.0 {
+            values.broad += self.returned * (o.lost() * i.lost() * self.lost_norm * wi.z);
+            let h = (wo + wi).normalize_or(Vec3::Z);
+            let d = ggx::distribution(h, self.alpha);
+            values.glossy = fresnel::schlick(self.f0, self.f90, wo.dot(h))
+                * (d * ggx::visibility(wo.z, wi.z, self.alpha) * wi.z);
+            values.glossy_pdf = ggx::reflection_pdf(wo.z, h, self.alpha);
+        }
+        values
+    }
+
+    /// Albedos of the broad lobes and of the glossy one.
+    #[inline]
+    pub(super) fn albedos_apart(&self, cos_o: f32) -> (Vec3, Vec3) {
+        if self.is_lambert() {
+            return (self.base, Vec3::ZERO);
+        }
+        let e = albedo::directional(cos_o, self.alpha);
+        let broad = self.returned * e.lost() + self.base * (1.0 - self.coat_albedo(e));
+        let glossy = if self.alpha > 0.0 {
+            self.glossy_albedo(e)
+        } else {
+            fresnel::schlick(self.f0, self.f90, cos_o)
+        };
+        (broad, glossy)
+    }
+
+    /// A direction of the broad lobes.
+    #[inline]
+    pub(super) fn sample_broad(&self, wo: Vec3, u: Vec2) -> Option<BsdfSample> {
+        let wi = warp::cosine_hemisphere(u);
+        let pdf = wi.z * FRAC_1_PI;
+        (pdf > 0.0).then(|| BsdfSample {
+            wi,
+            weight: self.evaluate_apart(wo, wi).broad / pdf,
+            pdf,
+            delta: false,
+            transmitted: false,
+            spread: DIFFUSE_SPREAD,
+        })
+    }
+
+    /// A direction of the glossy lobe; a mirror's if that is smooth.
+    #[inline]
+    pub(super) fn sample_glossy(&self, wo: Vec3, u: Vec2) -> Option<BsdfSample> {
+        if self.is_lambert() {
+            return None;
+        }
+        let sample = BsdfSample {
+            wi: specular::reflect(wo),
+            weight: Vec3::ZERO,
+            pdf: 1.0,
+            delta: true,
+            transmitted: false,
+            spread: 0.0,
+        };
+        if let Some(path) = self.mirror(wo) {
+            return Some(BsdfSample { wi: path.wi, weight: path.weight, ..sample });
+        }
+        let h = ggx::sample(wo, self.alpha, u);
+        let wi = 2.0 * wo.dot(h) * h - wo;
+        if wi.z <= 0.0 {
+            return None;
+        }
+        let LobeValues { glossy, glossy_pdf: pdf, .. } = self.evaluate_apart(wo, wi);
+        let weight = glossy / pdf;
+        let spread = 0.5 * self.alpha;
+        weight.is_finite().then_some(BsdfSample { wi, weight, pdf, delta: false, spread, ..sample })
     }
 
     /// The mirror direction of a smooth coat or metal.

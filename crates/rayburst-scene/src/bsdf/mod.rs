@@ -14,7 +14,7 @@ mod specular;
 #[cfg(test)]
 mod tests;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 pub use metallic_roughness::SMOOTH_ALPHA;
 pub use specular::SpecularPath;
@@ -39,6 +39,20 @@ enum Kind {
         tint: Vec3,
     },
     Mirror(Vec3),
+}
+
+/// f·|cos θᵢ| of a pair of directions, the broad lobes and the glossy one apart: what real-time passes
+/// keep in signals of their own. Delta directions are left out.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LobeValues {
+    /// The base and the light that comes back after several bounces between microfacets.
+    pub broad: Vec3,
+    /// Single reflection off microfacets.
+    pub glossy: Vec3,
+    /// Density per solid angle of [`Bsdf::sample_broad`].
+    pub broad_pdf: f32,
+    /// Density per solid angle of [`Bsdf::sample_glossy`].
+    pub glossy_pdf: f32,
 }
 
 /// A sampled direction.
@@ -106,6 +120,16 @@ impl Bsdf {
         }
     }
 
+    /// Whether light goes on in `delta` directions, perhaps among others.
+    #[inline]
+    pub fn has_delta(&self) -> bool {
+        match &self.kind {
+            Kind::MetallicRoughness(lobes) => lobes.is_smooth(),
+            Kind::Absorber => false,
+            Kind::Interface { .. } | Kind::Mirror(_) => true,
+        }
+    }
+
     /// Fraction of the light from `wo` that is scattered at all.
     pub fn albedo(&self, wo: Vec3) -> Vec3 {
         match &self.kind {
@@ -129,6 +153,51 @@ impl Bsdf {
             Kind::MetallicRoughness(lobes) if self.reflects(wo, wi) => lobes.evaluate(wo, wi),
             _ => (Vec3::ZERO, 0.0),
         }
+    }
+
+    /// f·|cos θᵢ| of the broad lobes and of the glossy one, with the densities of sampling each alone.
+    #[inline]
+    pub fn evaluate_apart(&self, wo: Vec3, wi: Vec3) -> LobeValues {
+        match &self.kind {
+            Kind::MetallicRoughness(lobes) if self.reflects(wo, wi) => lobes.evaluate_apart(wo, wi),
+            _ => LobeValues::default(),
+        }
+    }
+
+    /// Fractions of the light from `wo` that the broad lobes and the glossy one scatter; zero for
+    /// interfaces and mirrors, which have neither.
+    #[inline]
+    pub fn albedos_apart(&self, wo: Vec3) -> (Vec3, Vec3) {
+        match &self.kind {
+            Kind::MetallicRoughness(lobes) => lobes.albedos_apart(wo.z),
+            _ => (Vec3::ZERO, Vec3::ZERO),
+        }
+    }
+
+    /// A direction of the broad lobes alone, by the cosine; `weight` has their part of f only.
+    #[inline]
+    pub fn sample_broad(&self, wo: Vec3, u: Vec2) -> Option<BsdfSample> {
+        match &self.kind {
+            Kind::MetallicRoughness(lobes) if wo.z > 0.0 => lobes.sample_broad(wo, u),
+            _ => None,
+        }
+        .filter(|sample| self.geometric_normal.dot(sample.wi) > 0.0)
+    }
+
+    /// A direction of the glossy lobe alone, by its visible normals; `weight` has its part of f only.
+    #[inline]
+    pub fn sample_glossy(&self, wo: Vec3, u: Vec2) -> Option<BsdfSample> {
+        match &self.kind {
+            Kind::MetallicRoughness(lobes) if wo.z > 0.0 => lobes.sample_glossy(wo, u),
+            _ => None,
+        }
+        .filter(|sample| self.geometric_normal.dot(sample.wi) > 0.0)
+    }
+
+    /// Whether there are neither broad nor glossy lobes, but light goes on: mirrors and glass.
+    #[inline]
+    pub fn is_specular_only(&self) -> bool {
+        matches!(self.kind, Kind::Mirror(_) | Kind::Interface { .. })
     }
 
     /// f·|cos θᵢ|, without the delta directions.

@@ -241,3 +241,55 @@ fn light_does_not_leak_through_the_geometric_surface() {
         }
     }
 }
+
+#[test]
+fn lobes_apart_are_the_whole_and_are_sampled_right() {
+    let color = Vec3::new(0.8, 0.5, 0.2);
+    for (metallic, ior) in [(0.0, 1.0), (0.0, 1.5), (0.4, 1.5), (1.0, 1.5)] {
+        for roughness in ROUGHNESSES {
+            let bsdf = Bsdf::metallic_roughness(color, metallic, roughness, ior, true);
+            let mut rng = Rng::new(77);
+            for cos in COSINES {
+                let wo = direction(cos, 0.3);
+                for _ in 0..50 {
+                    let wi = warp::uniform_hemisphere(rng.vec2());
+                    let apart = bsdf.evaluate_apart(wo, wi);
+                    let whole = bsdf.evaluate(wo, wi);
+                    let error = (apart.broad + apart.glossy - whole).abs().max_element();
+                    assert!(error <= 1e-5 * whole.max_element().max(1.0), "{error}");
+                }
+                let (broad, glossy) = bsdf.albedos_apart(wo);
+                let albedo = bsdf.albedo(wo);
+                assert!((broad + glossy - albedo).abs().max_element() < 1e-5);
+                for (which, expected) in [(0, broad), (1, glossy)] {
+                    let mut moments = Moments::default();
+                    for i in 0..4096u32 {
+                        let cell = Vec2::new((i % 64) as f32, (i / 64) as f32);
+                        let u = (cell + rng.vec2()) / 64.0;
+                        let sample = match which {
+                            0 => bsdf.sample_broad(wo, u),
+                            _ => bsdf.sample_glossy(wo, u),
+                        };
+                        if let Some(s) = sample.filter(|s| !s.delta) {
+                            let values = bsdf.evaluate_apart(wo, s.wi);
+                            let (f, pdf) = match which {
+                                0 => (values.broad, values.broad_pdf),
+                                _ => (values.glossy, values.glossy_pdf),
+                            };
+                            assert!((pdf / s.pdf - 1.0).abs() < 2e-2);
+                            let error = (s.weight * s.pdf - f).abs().max_element();
+                            assert!(error <= 2e-2 * f.max_element() + 1e-6);
+                        }
+                        moments.add(sample.map_or(0.0, |s| f64::from(s.weight.y)));
+                    }
+                    let error = (moments.mean - f64::from(expected.y)).abs();
+                    assert!(
+                        error < 0.003 + 4.0 * moments.standard_error(),
+                        "{which} roughness {roughness} cos {cos}: {} {expected}",
+                        moments.mean
+                    );
+                }
+            }
+        }
+    }
+}

@@ -45,6 +45,22 @@ pub struct LightSample {
     pub delta: bool,
 }
 
+/// Kinds of lights.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LightKinds {
+    /// What surrounds the scene.
+    pub environment: bool,
+    /// Points, spots, suns.
+    pub punctual: bool,
+    /// Surfaces that shine.
+    pub emitters: bool,
+}
+
+impl LightKinds {
+    /// All of them.
+    pub const ALL: Self = Self { environment: true, punctual: true, emitters: true };
+}
+
 /// Samples the lights of a scene; built once for it.
 #[derive(Clone, Debug)]
 pub struct LightSampler {
@@ -90,6 +106,12 @@ struct Candidate {
 impl LightSampler {
     /// Prepares the lights of a scene.
     pub fn new(scene: &FlatScene) -> Self {
+        Self::of_kinds(scene, LightKinds::ALL)
+    }
+
+    /// Prepares some of the lights of a scene: those of other kinds are never sampled, and their
+    /// densities are zero.
+    pub fn of_kinds(scene: &FlatScene, kinds: LightKinds) -> Self {
         // Powers that enter the scene's bounding sphere.
         let radius =
             if scene.bounds.is_empty() { 1.0 } else { 0.5 * scene.bounds.extent().length() };
@@ -122,7 +144,12 @@ impl LightSampler {
                 candidates.push(Candidate { source, kind: 2, power });
             }
         }
-        candidates.retain(|c| c.power > 0.0 && c.power.is_finite());
+        let wanted = |source: &Source| match source {
+            Source::Environment => kinds.environment,
+            Source::Punctual(_) => kinds.punctual,
+            Source::Emitter(_) => kinds.emitters,
+        };
+        candidates.retain(|c| c.power > 0.0 && c.power.is_finite() && wanted(&c.source));
         Self::choose_among(scene, candidates, environment)
     }
 

@@ -1,0 +1,33 @@
+//! Frames in real time: a G-buffer, passes over planes, and what lives from frame to frame.
+//!
+//! A [`FrameRenderer`] makes one frame after the other of a scene at its instants. Each pass reads named
+//! planes and writes others: the [`GBuffer`] says what the eye sees, the [`Signals`] what light arrives
+//! there, in the parts that filters want apart. Only passes that rasterise or trace see the scene.
+
+mod composite;
+mod direct;
+mod gbuffer;
+mod history;
+mod indirect;
+mod lights;
+mod motion;
+mod occlusion;
+mod pass;
+mod paths;
+mod quads;
+mod renderer;
+mod settings;
+mod shadows;
+mod signals;
+mod technique;
+mod view;
+mod visibility;
+
+pub use composite::{CompositeParameters, composite, variance};
+pub use gbuffer::{GBuffer, PixelKind};
+pub use history::History;
+pub use motion::Motion;
+pub use renderer::{Frame, FrameRenderer, PassReport};
+pub use settings::{FrameMode, FrameSettings, Passes, Quality, Technique};
+pub use signals::{LEAST_REFLECTANCE, Signals, guarded};
+pub use view::FrameView;

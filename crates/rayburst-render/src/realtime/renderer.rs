@@ -1,0 +1,250 @@
+//! The frame loop: passes over planes, in order.
+
+use std::{sync::Arc, time::Instant};
+
+use rayburst_image::Plane3;
+use rayburst_math::glam::{Vec2, Vec3};
+use rayburst_scene::{Camera, FlatScene};
+
+use super::{
+    composite::{CompositeParameters, composite, variance},
+    direct::direct_light,
+    gbuffer::GBuffer,
+    history::History,
+    indirect::{Gathered, gather_pixels, gather_quads},
+    lights::FrameLights,
+    motion::Motion,
+    occlusion::ambient_occlusion,
+    pass::{FrameContext, pixel_key},
+    quads::Quads,
+    settings::{FrameMode, FrameSettings, Technique},
+    signals::Signals,
+    technique::Chooser,
+    view::FrameView,
+    visibility::trace_primary,
+};
+use crate::Result;
+
+/// What a pass took.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PassReport {
+    /// Which pass.
+    pub name: &'static str,
+    /// How it was made, if there is a choice.
+    pub technique: Option<Technique>,
+    /// Wall-clock time.
+    pub seconds: f64,
+    /// Rays that were traced.
+    pub rays: u64,
+}
+
+/// A finished frame; its buffers are the renderer's until the next one.
+#[derive(Clone, Copy, Debug)]
+pub struct Frame<'a> {
+    /// Linear radiance at the size that is rendered.
+    pub picture: &'a Plane3,
+    /// What the eye rays met.
+    pub gbuffer: &'a GBuffer,
+    /// The light in parts.
+    pub signals: &'a Signals,
+    /// The view, with the jitter of this frame.
+    pub view: FrameView,
+    /// Passes in order.
+    pub passes: &'a [PassReport],
+}
+
+impl Frame<'_> {
+    /// Rays of all passes.
+    pub fn rays(&self) -> u64 {
+        self.passes.iter().map(|pass| pass.rays).sum()
+    }
+
+    /// Rays a pixel of the size that is rendered.
+    pub fn rays_per_pixel(&self) -> f64 {
+        let (width, height) = self.picture.size();
+        self.rays() as f64 / (f64::from(width) * f64::from(height))
+    }
+
+    /// Time of all passes, seconds.
+    pub fn seconds(&self) -> f64 {
+        self.passes.iter().map(|pass| pass.seconds).sum()
+    }
+}
+
+/// Renders frames of moving scenes, one after the other. Runs on the rayon pool it is called in; frames do
+/// not depend on its threads.
+#[derive(Debug)]
+pub struct FrameRenderer {
+    settings: FrameSettings,
+    gbuffer: GBuffer,
+    signals: Signals,
+    quads: Quads,
+    picture: Plane3,
+    lights: Option<FrameLights>,
+    passes: Vec<PassReport>,
+    gbuffer_chooser: Chooser,
+}
+
+impl FrameRenderer {
+    /// Prepares the buffers. Fails where a setting is out of range or the picture too large.
+    pub fn new(settings: FrameSettings) -> Result<Self> {
+        settings.check()?;
+        let size = settings.render_size();
+        rayburst_image::check_size(
+            "frame",
+            u64::from(settings.size.0),
+            u64::from(settings.size.1),
+        )?;
+        Ok(Self {
+            settings,
+            gbuffer: GBuffer::new(size)?,
+            signals: Signals::new(size)?,
+            quads: Quads::new(size)?,
+            picture: Plane3::new(size.0, size.1)?,
+            lights: None,
+            passes: Vec::new(),
+            gbuffer_chooser: Chooser::default(),
+        })
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &FrameSettings {
+        &self.settings
+    }
+
+    /// Changes the settings from the next frame on; a new size begins new buffers.
+    pub fn set_settings(&mut self, settings: FrameSettings) -> Result<()> {
+        settings.check()?;
+        if settings.render_size() != self.settings.render_size() {
+            *self = Self::new(settings)?;
+        }
+        self.settings = settings;
+        Ok(())
+    }
+
+    /// Renders the next frame of a scene at its instant.
+    pub fn frame(
+        &mut self,
+        scene: &Arc<FlatScene>,
+        camera: &Camera,
+        history: &mut History,
+    ) -> Frame<'_> {
+        let settings = self.settings;
+        let size = settings.render_size();
+        history.prepare(size, scene);
+        let jitter = if settings.jitter { history.jitter() } else { Vec2::ZERO };
+        let view = FrameView::new(*camera, size, jitter);
+        self.passes.clear();
+
+        let lights = self.timed("lights", None, |this| {
+            let fit = this.lights.take().filter(|lights| lights.fit(scene, &settings));
+            (fit.unwrap_or_else(|| FrameLights::new(scene, &settings)), 0)
+        });
+        let context = FrameContext {
+            scene,
+            opaque: scene.is_opaque(),
+            view: &view,
+            lights: &lights,
+            settings: &settings,
+            shading: settings.shading(),
+            number: history.frames(),
+        };
+        self.visibility(&context);
+        let motion = Motion::new(view, scene, history.before());
+        self.timed("gbuffer", None, |this| {
+            let sky = |direction| lights.sky(scene, direction);
+            this.gbuffer.resolve(scene, &view, &motion, &context.shading, sky);
+            ((), 0)
+        });
+        self.timed("direct", None, |this| {
+            this.signals.clear();
+            ((), direct_light(&context, &this.gbuffer, &mut this.signals))
+        });
+        let gathered = self.indirect(&context);
+        self.occlusion(&context);
+        let ambient = match settings.mode {
+            FrameMode::Hybrid if settings.passes.ambient => history.learn(&gathered),
+            _ => Vec3::ZERO,
+        };
+        self.timed("composite", None, |this| {
+            let mut out = std::mem::take(&mut this.signals.variance);
+            variance(&this.signals, &mut out);
+            this.signals.variance = out;
+            let emission = settings.passes.emission;
+            let parameters = CompositeParameters { ambient, emission };
+            composite(&this.gbuffer, &this.signals, &parameters, &mut this.picture);
+            ((), 0)
+        });
+        self.lights = Some(lights);
+        history.advance(view, scene, &self.picture);
+        Frame {
+            picture: &self.picture,
+            gbuffer: &self.gbuffer,
+            signals: &self.signals,
+            view,
+            passes: &self.passes,
+        }
+    }
+
+    /// Runs a pass and notes what it took; the pass gives its result and its rays.
+    fn timed<T>(
+        &mut self,
+        name: &'static str,
+        technique: Option<Technique>,
+        pass: impl FnOnce(&mut Self) -> (T, u64),
+    ) -> T {
+        let start = Instant::now();
+        let (result, rays) = pass(self);
+        let seconds = start.elapsed().as_secs_f64();
+        self.passes.push(PassReport { name, technique, seconds, rays });
+        result
+    }
+
+    /// What every pixel sees.
+    fn visibility(&mut self, context: &FrameContext<'_>) {
+        let settings = context.settings;
+        let technique = self.gbuffer_chooser.choose(settings.gbuffer, settings.quality, true);
+        self.timed("visibility", Some(technique), |this| {
+            let key = |at| pixel_key(settings.seed, at, context.number);
+            let hits = &mut this.gbuffer.hits;
+            trace_primary(context.scene, context.opaque, context.view, key, hits);
+            ((), hits.len() as u64)
+        });
+        if let Some(report) = self.passes.last() {
+            self.gbuffer_chooser.note(technique, report.seconds);
+        }
+    }
+
+    /// Light along sampled rays.
+    fn indirect(&mut self, context: &FrameContext<'_>) -> Gathered {
+        let settings = context.settings;
+        self.timed("indirect", None, |this| {
+            let Self { gbuffer, quads, signals, .. } = this;
+            let gathered = match settings.mode {
+                FrameMode::Hybrid => {
+                    quads.choose(context, gbuffer);
+                    gather_quads(context, gbuffer, quads, signals)
+                }
+                FrameMode::Path => gather_pixels(context, gbuffer, signals),
+            };
+            (gathered, gathered.rays)
+        })
+    }
+
+    fn occlusion(&mut self, context: &FrameContext<'_>) {
+        let settings = context.settings;
+        if settings.mode == FrameMode::Path || !settings.passes.ambient_occlusion {
+            return;
+        }
+        let extent = if context.scene.bounds.is_empty() {
+            1.0
+        } else {
+            context.scene.bounds.extent().length()
+        };
+        let radius = settings.ao_radius.unwrap_or(0.05 * extent);
+        self.timed("ambient_occlusion", Some(Technique::Rays), |this| {
+            let Self { gbuffer, quads, signals, .. } = this;
+            ((), ambient_occlusion(context, gbuffer, radius, quads, signals))
+        });
+    }
+}

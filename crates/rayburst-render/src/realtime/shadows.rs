@@ -1,0 +1,74 @@
+//! Shadow rays of a band of pixels, traced in one batch.
+
+use rayburst_accel::{AcceptAll, TraceOptions};
+use rayburst_math::{Hit, Ray};
+use rayburst_scene::{AlphaFilter, FlatScene};
+
+/// Rays that ask whether something is visible; `T` says what it brings if it is.
+#[derive(Debug)]
+pub(crate) struct ShadowRays<T> {
+    rays: Vec<Ray>,
+    keys: Vec<u32>,
+    items: Vec<T>,
+    occluded: Vec<bool>,
+}
+
+impl<T> Default for ShadowRays<T> {
+    fn default() -> Self {
+        Self { rays: vec![], keys: vec![], items: vec![], occluded: vec![] }
+    }
+}
+
+impl<T: Copy> ShadowRays<T> {
+    #[inline]
+    pub(crate) fn push(&mut self, ray: Ray, key: u32, item: T) {
+        self.rays.push(ray);
+        self.keys.push(key);
+        self.items.push(item);
+    }
+
+    /// Traces all rays, tells `answer` of each item whether it is visible, and empties the list; returns
+    /// how many rays there were.
+    pub(crate) fn resolve(
+        &mut self,
+        scene: &FlatScene,
+        opaque: bool,
+        mut answer: impl FnMut(T, bool),
+    ) -> u64 {
+        self.occluded.clear();
+        self.occluded.resize(self.rays.len(), false);
+        let options = TraceOptions::default();
+        if opaque {
+            scene.tlas.any_hits(&self.rays, &mut self.occluded, &options, &AcceptAll);
+        } else {
+            let filter = AlphaFilter::new(scene, &self.keys);
+            scene.tlas.any_hits(&self.rays, &mut self.occluded, &options, &filter);
+        }
+        for (&item, &occluded) in self.items.iter().zip(&self.occluded) {
+            answer(item, !occluded);
+        }
+        let count = self.rays.len() as u64;
+        self.rays.clear();
+        self.keys.clear();
+        self.items.clear();
+        count
+    }
+}
+
+/// Finds the closest hits of rays.
+pub(crate) fn closest_hits(
+    scene: &FlatScene,
+    opaque: bool,
+    rays: &[Ray],
+    keys: &[u32],
+    hits: &mut Vec<Hit>,
+) {
+    hits.clear();
+    hits.resize(rays.len(), Hit::MISS);
+    let options = TraceOptions::default();
+    if opaque {
+        scene.tlas.closest_hits(rays, hits, &options, &AcceptAll);
+    } else {
+        scene.tlas.closest_hits(rays, hits, &options, &AlphaFilter::new(scene, keys));
+    }
+}

@@ -1,0 +1,91 @@
+//! The signals of a frame: light by where it comes from and how it is scattered, without the surfaces'
+//! colours.
+//!
+//! Light L that leaves a surface by some lobes is kept as L/R, R being the lobes' albedo ("untextured
+//! illumination": Eq. 26.4 to 26.6 of the chapter), so that filters do not blur textures. Where R is
+//! nearly black it is raised to [`LEAST_REFLECTANCE`] both ways: nothing is lost.
+
+use rayburst_image::{Plane, Plane3};
+use rayburst_math::glam::Vec3;
+
+use crate::Result;
+
+/// Albedos are taken to be at least this when light is divided by them.
+pub const LEAST_REFLECTANCE: f32 = 1e-3;
+
+/// An albedo that light can be divided by.
+#[inline]
+pub fn guarded(reflectance: Vec3) -> Vec3 {
+    reflectance.max(Vec3::splat(LEAST_REFLECTANCE))
+}
+
+/// Signals of a frame, at the size that is rendered. Radiance is in cd/m²; what is said to be
+/// demodulated is divided by the guarded albedo of its lobes.
+#[derive(Clone, Debug, Default)]
+pub struct Signals {
+    /// Albedo of the broad lobes (diffuse reflection).
+    pub diffuse_reflectance: Plane3,
+    /// Albedo of the glossy lobe (specular reflection).
+    pub specular_reflectance: Plane3,
+    /// Light from lights, broadly scattered, demodulated.
+    pub direct_diffuse: Plane3,
+    /// Light from lights, glossily scattered, demodulated.
+    pub direct_specular: Plane3,
+    /// Light along sampled rays, broadly scattered, demodulated.
+    pub indirect_diffuse: Plane3,
+    /// Light along sampled rays, glossily scattered, demodulated.
+    pub indirect_specular: Plane3,
+    /// Length of the ray that `indirect_diffuse` came along; infinite if it left the scene, 0 without.
+    pub diffuse_hit_distance: Plane,
+    /// Length of the ray that `indirect_specular` came along; infinite if it left the scene, 0 without.
+    pub specular_hit_distance: Plane,
+    /// Radiance of mirrors and glass.
+    pub transparency: Plane3,
+    /// Cosine-weighted share of the hemisphere that is open within the radius; 1 without the pass.
+    pub ambient_occlusion: Plane,
+    /// Distance to what the ambient occlusion ray met; infinite if nothing.
+    pub occluder_distance: Plane,
+    /// Variance of the luminance of the demodulated light in the 3×3 pixels around.
+    pub variance: Plane,
+}
+
+impl Signals {
+    /// Empty signals of a size.
+    pub fn new(size: (u32, u32)) -> Result<Self> {
+        let vector = || Plane3::new(size.0, size.1);
+        let plane = || Plane::new(size.0, size.1);
+        Ok(Self {
+            diffuse_reflectance: vector()?,
+            specular_reflectance: vector()?,
+            direct_diffuse: vector()?,
+            direct_specular: vector()?,
+            indirect_diffuse: vector()?,
+            indirect_specular: vector()?,
+            diffuse_hit_distance: plane()?,
+            specular_hit_distance: plane()?,
+            transparency: vector()?,
+            ambient_occlusion: plane()?,
+            occluder_distance: plane()?,
+            variance: plane()?,
+        })
+    }
+
+    /// Everything to zero, the ambient occlusion to one.
+    pub(crate) fn clear(&mut self) {
+        for planes in [
+            &mut self.diffuse_reflectance,
+            &mut self.specular_reflectance,
+            &mut self.direct_diffuse,
+            &mut self.direct_specular,
+            &mut self.indirect_diffuse,
+            &mut self.indirect_specular,
+            &mut self.transparency,
+        ] {
+            planes.fill(Vec3::ZERO);
+        }
+        self.diffuse_hit_distance.fill(0.0);
+        self.specular_hit_distance.fill(0.0);
+        self.ambient_occlusion.fill(1.0);
+        self.occluder_distance.fill(f32::INFINITY);
+    }
+}

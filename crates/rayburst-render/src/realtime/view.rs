@@ -1,0 +1,128 @@
+//! What a frame's camera sees: rays of pixels, pixels of points.
+
+use rayburst_math::{
+    Ray, RayCone,
+    glam::{Vec2, Vec3},
+};
+use rayburst_scene::{Camera, Projection};
+
+/// A camera at one frame: with the size it is rendered at, and where in the pixels rays go through.
+///
+/// Frames see through a pinhole: a lens would smear what passes say of a pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameView {
+    camera: Camera,
+    size: (u32, u32),
+    jitter: Vec2,
+    /// s(x, y) = corner + x·across + y·down (Eq. 26.2 of the chapter).
+    corner: Vec3,
+    across: Vec3,
+    down: Vec3,
+    cone: RayCone,
+}
+
+impl FrameView {
+    /// A view of `size` pixels; `jitter` in pixels moves the points that rays go through off the
+    /// pixels' centres.
+    pub fn new(camera: Camera, size: (u32, u32), jitter: Vec2) -> Self {
+        let camera = Camera { aperture: 0.0, ..camera };
+        let [r, u, v] = camera.frame();
+        let half_height = match camera.projection {
+            Projection::Perspective { fov } => (0.5 * fov).tan(),
+            Projection::Orthographic { half_height } => half_height,
+        };
+        let pixel = 2.0 * half_height / size.1.max(1) as f32;
+        let (across, down) = (pixel * r, -pixel * u);
+        let centre = 0.5 * Vec2::new(size.0 as f32, size.1 as f32);
+        let mut corner = -centre.x * across - centre.y * down;
+        if let Projection::Perspective { .. } = camera.projection {
+            corner += v;
+        }
+        let (_, cone) = camera.ray(centre, size, Vec2::ZERO);
+        Self { camera, size, jitter, corner, across, down, cone }
+    }
+
+    /// The camera, without a lens.
+    #[inline]
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// Width and height in pixels.
+    #[inline]
+    pub fn size(&self) -> (u32, u32) {
+        self.size
+    }
+
+    /// Where rays go through, relative to the pixels' centres, in pixels.
+    #[inline]
+    pub fn jitter(&self) -> Vec2 {
+        self.jitter
+    }
+
+    /// The footprint of every pixel at the eye.
+    #[inline]
+    pub fn cone(&self) -> RayCone {
+        self.cone
+    }
+
+    /// The ray through a pixel, its direction a unit vector.
+    #[inline]
+    pub fn ray(&self, x: u32, y: u32) -> Ray {
+        let at = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + self.jitter;
+        let s = self.corner + at.x * self.across + at.y * self.down;
+        match self.camera.projection {
+            Projection::Perspective { .. } => Ray::new(self.camera.eye(), s.normalize()),
+            Projection::Orthographic { .. } => {
+                Ray::new(self.camera.eye() + s, self.camera.frame()[2])
+            }
+        }
+    }
+
+    /// Distance of a point along the viewing direction.
+    #[inline]
+    pub fn depth(&self, world: Vec3) -> f32 {
+        (world - self.camera.eye()).dot(self.camera.frame()[2])
+    }
+
+    /// Where the picture shows a point, in pixels, without the jitter; `None` behind the eye.
+    #[inline]
+    pub fn project(&self, world: Vec3) -> Option<Vec2> {
+        self.camera.project(world, self.size).map(|(pixel, _)| pixel)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rayburst_math::glam::Affine3A;
+
+    use super::*;
+
+    #[test]
+    fn rays_are_the_cameras_and_points_come_back() {
+        let eye = Vec3::new(3.0, 2.0, -1.0);
+        let perspective = Camera::look_at(eye, Vec3::new(-1.0, 0.5, 2.0), Vec3::Y, 0.9);
+        let orthographic = Camera {
+            projection: Projection::Orthographic { half_height: 2.0 },
+            transform: Affine3A::from_rotation_y(0.4) * perspective.transform,
+            ..perspective
+        };
+        for camera in [perspective, orthographic] {
+            for size in [(1, 1), (17, 5), (640, 360)] {
+                let jitter = Vec2::new(0.2, -0.4);
+                let view = FrameView::new(camera, size, jitter);
+                for (x, y) in [(0, 0), (size.0 - 1, size.1 - 1), (size.0 / 2, size.1 / 3)] {
+                    let pixel = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + jitter;
+                    let (expected, cone) = camera.ray(pixel, size, Vec2::ZERO);
+                    let ray = view.ray(x, y);
+                    assert!((ray.origin - expected.origin).length() < 1e-5);
+                    assert!((ray.direction - expected.direction).length() < 1e-5);
+                    assert_eq!(view.cone(), cone);
+                    let point = ray.at(4.0);
+                    assert!((view.project(point).unwrap() - pixel).length() < 1e-3 * size.0 as f32);
+                    assert!(view.depth(point) > 0.0);
+                }
+            }
+        }
+    }
+}
