@@ -61,7 +61,7 @@ enum Lobe {
     Whole,
 }
 
-/// What a thread keeps between bands.
+/// Paths and where each adds to.
 #[derive(Debug, Default)]
 struct Work {
     paths: Paths,
@@ -80,6 +80,10 @@ impl Work {
     fn clear(&mut self) {
         self.paths.clear();
         self.targets.clear();
+    }
+
+    fn results(&self) -> impl Iterator<Item = (&PathResult, &(Lobe, (u32, u32)))> {
+        self.paths.results.iter().zip(&self.targets)
     }
 
     /// Starts a path at a surface by one lobe; `factor` multiplies what it brings.
@@ -110,7 +114,7 @@ impl Work {
             return;
         }
         let wi = surface.frame.to_world(sample.wi).normalize();
-        let ray = Ray::new(surface.spawn(wi), wi);
+        let ray = Ray::new(surface.place.spawn(wi), wi);
         self.push(frame, gbuffer, (x, y), ray, throughput, &sample, false);
         self.targets.push((lobe, target));
     }
@@ -169,27 +173,27 @@ pub(crate) fn gather_quads(
     let transparency: Vec<Band3<'_>> = signals.transparency.bands_mut(BAND).collect();
     let bands = quads.rows().into_par_iter().zip(transparency);
     let gathered: Vec<Gathered> = bands
-        .map_init(Work::default, |work, (mut rows, mut transparency)| {
-            work.clear();
-            // Rays that go about the same way first, then those that do not.
-            for lobe in [Lobe::Glossy, Lobe::Broad] {
-                let wanted =
-                    if lobe == Lobe::Glossy { passes.reflections } else { passes.indirect };
-                for block in rows.blocks(columns) {
-                    if lobe == Lobe::Glossy {
-                        rows.clear(block);
-                    }
-                    let at = asking(rows.chosen.get(block.0, block.1), block);
-                    let Some(at) = at.filter(|_| wanted) else { continue };
-                    let surface = gbuffer.surface_at(frame.scene, frame.view, &frame.shading, at);
-                    if let Some(surface) = surface {
-                        work.start(frame, gbuffer, &surface, lobe, 1.0, at, block);
-                    }
+        .map_init(<[Work; 2]>::default, |work, (mut rows, mut transparency)| {
+            // Rays that go about the same way apart from those that do not.
+            let [glossy, broad] = work;
+            glossy.clear();
+            broad.clear();
+            for block in rows.blocks(columns) {
+                rows.clear(block);
+                let Some(at) = asking(rows.chosen.get(block.0, block.1), block) else { continue };
+                let surface = gbuffer.surface_at(frame.scene, frame.view, &frame.shading, at);
+                let Some(surface) = surface else { continue };
+                if passes.reflections {
+                    glossy.start(frame, gbuffer, &surface, Lobe::Glossy, 1.0, at, block);
+                }
+                if passes.indirect {
+                    broad.start(frame, gbuffer, &surface, Lobe::Broad, 1.0, at, block);
                 }
             }
-            specular_pixels(frame, gbuffer, work, band_rows(&rows));
-            let mut gathered = Gathered { rays: work.paths.run(frame), ..Gathered::default() };
-            for (result, &(lobe, at)) in work.paths.results.iter().zip(&work.targets) {
+            specular_pixels(frame, gbuffer, glossy, band_rows(&rows));
+            let rays = glossy.paths.run(frame) + broad.paths.run(frame);
+            let mut gathered = Gathered { rays, ..Gathered::default() };
+            for (result, &(lobe, at)) in glossy.results().chain(broad.results()) {
                 match lobe {
                     Lobe::Broad => {
                         rows.diffuse.set(at.0, at.1, result.radiance);
@@ -289,7 +293,7 @@ pub(crate) fn gather_pixels(
             }
             specular_pixels(frame, gbuffer, work, top..top + BAND);
             let mut gathered = Gathered { rays: work.paths.run(frame), ..Gathered::default() };
-            for (result, &(lobe, (x, y))) in work.paths.results.iter().zip(&work.targets) {
+            for (result, &(lobe, (x, y))) in work.results() {
                 match lobe {
                     Lobe::Broad => {
                         rows.diffuse.set(x, y, result.radiance);
