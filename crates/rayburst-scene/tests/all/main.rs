@@ -9,5 +9,6 @@ mod hostile_meshes;
 mod moving;
 mod obj;
 mod ply;
+mod polygon_lights;
 mod real_meshes;
 mod view;
