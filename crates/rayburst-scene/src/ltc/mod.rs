@@ -13,11 +13,16 @@
 
 mod axial;
 pub mod fit;
+mod lights;
+mod merge;
 mod polygon;
+mod ranking;
 mod shading;
 mod simplex;
 mod table;
 
+pub use lights::{PolygonLight, PolygonLightLimits, PolygonLights};
 pub use polygon::MAX_CORNERS;
+pub use ranking::SurfaceBounds;
 pub use shading::{PolygonIntegral, PolygonShading};
 pub use table::{COSINES, Part, ROUGHNESSES, row_bytes};
