@@ -15,6 +15,7 @@ pub mod framing;
 pub mod import;
 pub mod light;
 pub mod light_sampler;
+pub mod ltc;
 pub mod material;
 pub mod mesh;
 pub mod normals;

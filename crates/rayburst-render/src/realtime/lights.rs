@@ -49,7 +49,7 @@ impl FrameLights {
             environment: wants.mode == FrameMode::Path || !by_rays,
             emitters: true,
         };
-        let primary = LightSampler::of_kinds(scene, kinds);
+        let primary = LightSampler::of_kinds(scene, kinds, |_, _, _| false);
         Self { scene: scene.clone(), wants, all, primary, exact }
     }
 

@@ -16,9 +16,12 @@ mod pass;
 mod paths;
 mod quads;
 mod renderer;
+mod screen;
 mod settings;
 mod shadows;
 mod signals;
+mod ssao;
+mod ssr;
 mod technique;
 mod view;
 mod visibility;
@@ -30,4 +33,8 @@ pub use motion::Motion;
 pub use renderer::{Frame, FrameRenderer, PassReport};
 pub use settings::{FrameMode, FrameSettings, Passes, Quality, Technique};
 pub use signals::{LEAST_REFLECTANCE, Signals, guarded};
+pub use ssao::{ScreenOcclusion, screen_occlusion};
+pub use ssr::{
+    ScreenReflections, ScreenReflectionsInput, ScreenReflectionsSettings, screen_reflections,
+};
 pub use view::FrameView;

@@ -7,6 +7,7 @@ mod furnace;
 mod inspection;
 mod reference;
 mod scenes;
+mod screen_space;
 mod techniques;
 mod visibility;
 mod whitted;
