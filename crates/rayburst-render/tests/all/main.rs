@@ -8,5 +8,6 @@ mod inspection;
 mod reference;
 mod scenes;
 mod techniques;
+mod texture_lod;
 mod visibility;
 mod whitted;
