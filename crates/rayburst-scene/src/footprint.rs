@@ -99,6 +99,17 @@ fn corner_normals(scene: &FlatScene, hit: &Hit) -> Option<[Vec3; 3]> {
 }
 
 impl FlatScene {
+    /// The changes of one of a hit's UV sets by two changes of its barycentric coordinates; zero where
+    /// the primitive has none.
+    pub(crate) fn uv_steps(&self, hit: &Hit, set: u32, steps: [Vec2; 2]) -> [Vec2; 2] {
+        let primitive = &self.records(hit).1.primitive;
+        let Some(uvs) = primitive.uvs.get(set as usize).or(primitive.uvs.first()) else {
+            return [Vec2::ZERO; 2];
+        };
+        let [a, b, c] = primitive.indices[hit.primitive as usize].map(|i| uvs[i as usize]);
+        steps.map(|step| step.x * (b - a) + step.y * (c - a))
+    }
+
     /// How the unit interpolated normal at a hit changes by each of two steps in the triangle's plane
     /// (Igehy: "Tracing Ray Differentials", SIGGRAPH 1999, section 3.3). It belongs to the surface's
     /// `shading_normal`; zero where the mesh has no normals.
