@@ -8,16 +8,16 @@
 
 use rayburst_accel::{AcceptAll, TraceOptions};
 use rayburst_image::{PixelFilter, RgbImage};
-use rayburst_math::{Hit, Ray, RayCone, Sampler, glam::Vec3};
+use rayburst_math::{Hit, Ray, Sampler, glam::Vec3};
 use rayburst_scene::{AlphaFilter, Camera, FlatScene, LightSampler};
 use rayon::prelude::*;
 
 use crate::{
-    LightSampling, RenderSettings,
+    LightSampling, RayFootprint, RenderSettings,
     batch::EyeRay,
     dimensions::Vertex,
     estimator::{ROULETTE_DEPTH, survival},
-    footprint,
+    footprint::{Arrival, Turn},
     integrators::{ray_key, shadow_key},
     naive::trace_naive,
 };
@@ -45,7 +45,7 @@ pub struct Way {
     pdf: f32,
     /// Whether it has met nothing but perfect mirrors and glass.
     specular: bool,
-    cone: RayCone,
+    footprint: RayFootprint,
 }
 
 impl<'a> Reference<'a> {
@@ -81,7 +81,7 @@ impl<'a> Reference<'a> {
 
     /// The ray of one sample of one pixel, and the beginning of its way.
     pub fn eye_ray(&self, x: u32, y: u32, sample: u32) -> (Ray, Way) {
-        let EyeRay { ray, cone, sampler, key } =
+        let EyeRay { ray, footprint, sampler, key } =
             EyeRay::new(self.camera, self.settings, &self.filter, (x, y), sample);
         let way = Way {
             sampler,
@@ -90,7 +90,7 @@ impl<'a> Reference<'a> {
             throughput: Vec3::ONE,
             pdf: f32::INFINITY,
             specular: true,
-            cone,
+            footprint,
         };
         (ray, way)
     }
@@ -110,9 +110,9 @@ impl<'a> Reference<'a> {
     /// The radiance that a surface sends back along the ray that hit it.
     pub fn shade(&self, ray: &Ray, hit: &Hit, way: Way) -> Vec3 {
         let surface = self.scene.surface(hit);
-        let width = way.cone.width_at(hit.t);
+        let seen = way.footprint.at(ray, hit, &surface);
         let shading = self.settings.shading();
-        let point = self.scene.shading_point(&surface, -ray.direction, width, &shading);
+        let point = self.scene.shading_point(&surface, -ray.direction, seen, &shading);
         let mut radiance = point.emitted
             * self.weight(way.pdf, || {
                 self.lights.emitter_pdf(self.scene, hit, ray.origin, ray.direction)
@@ -153,12 +153,13 @@ impl<'a> Reference<'a> {
             }
             weight /= survival;
         }
+        let arrival = Arrival { scene: self.scene, ray, hit, surface: &surface };
         let next = Way {
             depth: way.depth + 1,
             throughput: way.throughput * weight,
             pdf: if sample.delta { f32::INFINITY } else { sample.pdf },
             specular: way.specular && sample.delta,
-            cone: footprint::of_sample(self.scene, hit, way.cone, &sample),
+            footprint: way.footprint.turned(&arrival, &Turn::of_sample(&point, &sample)),
             ..way
         };
         radiance + weight * self.trace(&Ray::new(surface.spawn(sample.wi), sample.wi), next)

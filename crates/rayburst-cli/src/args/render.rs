@@ -45,7 +45,7 @@ pub(crate) struct QualityArgs {
           value_parser = values::choice(&FilterKind::ALL))]
     pub(crate) filter: FilterKind,
     /// How textures choose their mip level
-    #[arg(long, value_name = "NAME", default_value = "cones",
+    #[arg(long, value_name = "NAME", default_value = TextureLod::default().name(),
           value_parser = values::choice(&TextureLod::ALL))]
     pub(crate) texture_lod: TextureLod,
 }

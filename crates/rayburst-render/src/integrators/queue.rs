@@ -1,10 +1,14 @@
 //! Queues of rays in flight: the current generation, the next one, and shadow rays.
 
 use rayburst_accel::{AcceptAll, Counters, TraceOptions};
-use rayburst_math::{Hit, Ray, RayCone, glam::Vec3, hash};
+use rayburst_math::{Hit, Ray, glam::Vec3, hash};
 use rayburst_scene::AlphaFilter;
 
-use crate::batch::{Batch, Context};
+use crate::{
+    RayFootprint,
+    batch::{Batch, Context},
+    footprint::Footprints,
+};
 
 /// What a path carries from vertex to vertex.
 #[derive(Clone, Copy, Debug)]
@@ -13,8 +17,6 @@ pub(crate) struct PathState {
     pub(crate) throughput: Vec3,
     /// The batch's slot that it adds to.
     pub(crate) slot: u32,
-    /// Footprint at the ray's origin.
-    pub(crate) cone: RayCone,
     /// Density, with respect to solid angle, with which the ray's direction was chosen; infinite if
     /// there was no choice (eye rays, mirrors).
     pub(crate) pdf: f32,
@@ -27,6 +29,7 @@ pub(crate) struct PathState {
 pub(crate) struct Queue {
     pub(crate) rays: Vec<Ray>,
     pub(crate) paths: Vec<PathState>,
+    pub(crate) footprints: Footprints,
     /// Roots of the alpha decisions, one a ray.
     pub(crate) keys: Vec<u32>,
     pub(crate) hits: Vec<Hit>,
@@ -44,12 +47,14 @@ impl Queue {
     pub(crate) fn clear(&mut self) {
         self.rays.clear();
         self.paths.clear();
+        self.footprints.clear();
         self.keys.clear();
     }
 
-    pub(crate) fn push(&mut self, ray: Ray, path: PathState, key: u32) {
+    pub(crate) fn push(&mut self, ray: Ray, path: PathState, footprint: &RayFootprint, key: u32) {
         self.rays.push(ray);
         self.paths.push(path);
+        self.footprints.push(footprint);
         self.keys.push(key);
     }
 
@@ -60,11 +65,11 @@ impl Queue {
             let path = PathState {
                 throughput: Vec3::ONE,
                 slot: slot as u32,
-                cone: batch.cones[slot],
                 pdf: f32::INFINITY,
                 specular: true,
             };
-            self.push(batch.rays[slot], path, ray_key(batch.keys[slot], 1));
+            let footprint = batch.footprints.get(slot);
+            self.push(batch.rays[slot], path, &footprint, ray_key(batch.keys[slot], 1));
         }
     }
 

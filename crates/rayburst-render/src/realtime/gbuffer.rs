@@ -295,7 +295,8 @@ fn resolve_pixel(
     }
     let surface = scene.surface(hit);
     let width = view.cone().width_at(hit.t);
-    let point = scene.shading_point(&surface, -ray.direction, width, shading);
+    let seen = view.footprint(shading.lod, (x, y)).at(&ray, hit, &surface);
+    let point = scene.shading_point(&surface, -ray.direction, seen, shading);
     let kind = if point.bsdf.is_specular_only() {
         PixelKind::Specular
     } else if scene.materials[surface.material as usize].model() == ShadingModel::Unlit {

@@ -14,11 +14,14 @@ use rayon::prelude::*;
 use super::{
     gbuffer::{BAND, GBuffer, PixelKind, PixelSurface, squares},
     pass::FrameContext,
-    paths::{PathRay, PathResult, Paths, density, first_cone},
+    paths::{PathRay, PathResult, Paths, density},
     quads::{QuadRows, Quads, Shared, asking},
     signals::{Signals, guarded},
 };
-use crate::dimensions::Vertex;
+use crate::{
+    dimensions::Vertex,
+    footprint::{Arrival, RayFootprint, Turn},
+};
 
 /// What a pass of paths took and saw.
 #[derive(Clone, Copy, Debug, Default)]
@@ -68,6 +71,9 @@ struct Work {
     targets: Vec<(Lobe, (u32, u32))>,
 }
 
+/// Lobes from this width on keep the footprint and forget the surface that they left, radians.
+const WIDE: f32 = 0.2;
+
 /// Directions of the broad lobes and of the glossy one come from dimensions of their own.
 fn numbers(lobe: Lobe) -> u32 {
     match lobe {
@@ -115,30 +121,54 @@ impl Work {
         }
         let wi = surface.frame.to_world(sample.wi).normalize();
         let ray = Ray::new(surface.place.spawn(wi), wi);
-        self.push(frame, gbuffer, (x, y), ray, throughput, &sample, false);
+        let normal = surface.frame.normal;
+        let turn = Turn { wi, transmitted: false, normal, eta: 1.0, spread: sample.spread };
+        let footprint = self.turned(frame, gbuffer, (x, y), &turn);
+        self.push(frame, (x, y), ray, throughput, &sample, footprint);
         self.targets.push((lobe, target));
+    }
+
+    /// The footprint of a ray that leaves a first hit.
+    #[inline]
+    fn turned(
+        &self,
+        frame: &FrameContext<'_>,
+        gbuffer: &GBuffer,
+        (x, y): (u32, u32),
+        turn: &Turn,
+    ) -> RayFootprint {
+        let hit = &gbuffer.hits[(y * gbuffer.size().0 + x) as usize];
+        let (eye, ray) = (frame.eye_footprint((x, y)), frame.view.ray(x, y));
+        if let RayFootprint::Cone(cone) = eye
+            && turn.spread >= WIDE
+        {
+            return RayFootprint::Cone(cone.propagate(hit.t, turn.spread));
+        }
+        if eye == RayFootprint::None {
+            return eye;
+        }
+        let surface = frame.scene.surface(hit);
+        eye.turned(&Arrival { scene: frame.scene, ray: &ray, hit, surface: &surface }, turn)
     }
 
     #[inline]
     fn push(
         &mut self,
         frame: &FrameContext<'_>,
-        gbuffer: &GBuffer,
-        (x, y): (u32, u32),
+        at: (u32, u32),
         ray: Ray,
         throughput: Vec3,
         sample: &BsdfSample,
-        specular: bool,
+        footprint: RayFootprint,
     ) {
-        let hit = &gbuffer.hits[(y * gbuffer.size().0 + x) as usize];
         let state = PathRay {
             throughput,
             slot: 0,
-            cone: first_cone(frame.scene, hit, frame.view.cone(), sample),
+            footprint,
             pdf: density(sample),
-            specular: specular || sample.delta,
-            sampler: frame.sampler((x, y)),
-            key: frame.key((x, y)),
+            specular: sample.delta,
+            sampler: frame.sampler(at),
+            key: frame.key(at),
         };
         self.paths.start(ray, state);
     }
@@ -147,15 +177,18 @@ impl Work {
     fn start_specular(&mut self, frame: &FrameContext<'_>, gbuffer: &GBuffer, (x, y): (u32, u32)) {
         let hit = &gbuffer.hits[(y * gbuffer.size().0 + x) as usize];
         let surface = frame.scene.surface(hit);
-        let wo = -frame.view.ray(x, y).direction;
-        let width = gbuffer.footprint.get(x, y);
-        let point = frame.scene.shading_point(&surface, wo, width, &frame.shading);
+        let eye = frame.view.ray(x, y);
+        let (wo, footprint) = (-eye.direction, frame.eye_footprint((x, y)));
+        let seen = footprint.at(&eye, hit, &surface);
+        let point = frame.scene.shading_point(&surface, wo, seen, &frame.shading);
         let sampler = frame.sampler((x, y));
         let numbers = Vertex::at_depth(1);
         let u = sampler.get_2d(numbers.direction()).extend(sampler.get_1d(numbers.lobe()));
         let Some(sample) = point.sample(wo, u) else { return };
         let ray = Ray::new(surface.spawn(sample.wi), sample.wi);
-        self.push(frame, gbuffer, (x, y), ray, sample.weight, &sample, true);
+        let arrival = Arrival { scene: frame.scene, ray: &eye, hit, surface: &surface };
+        let footprint = footprint.turned(&arrival, &Turn::of_sample(&point, &sample));
+        self.push(frame, (x, y), ray, sample.weight, &sample, footprint);
         self.targets.push((Lobe::Whole, (x, y)));
     }
 }

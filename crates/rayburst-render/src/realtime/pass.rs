@@ -4,6 +4,7 @@ use rayburst_math::{Sampler, hash};
 use rayburst_scene::{FlatScene, ShadingOptions};
 
 use super::{lights::FrameLights, settings::FrameSettings, view::FrameView};
+use crate::RayFootprint;
 
 /// A frame, for passes that trace.
 #[derive(Clone, Copy, Debug)]
@@ -27,6 +28,12 @@ impl FrameContext<'_> {
         let block = settings.interleave;
         let at = if block > 1 { (x % block, y % block) } else { (x, y) };
         Sampler::at(settings.sampler, settings.seed, at, self.view.size().0, self.number)
+    }
+
+    /// What a pixel sees at the eye.
+    #[inline]
+    pub(crate) fn eye_footprint(&self, at: (u32, u32)) -> RayFootprint {
+        self.view.footprint(self.settings.texture_lod, at)
     }
 
     /// The root of a pixel's alpha decisions.

@@ -9,5 +9,6 @@ mod reference;
 mod scenes;
 mod screen_space;
 mod techniques;
+mod texture_lod;
 mod visibility;
 mod whitted;

@@ -131,6 +131,15 @@ impl Bsdf {
         }
     }
 
+    /// Index of refraction on the side of `wo` over that on the other side; 1 for what is no interface.
+    #[inline]
+    pub fn relative_ior(&self) -> f32 {
+        match self.kind {
+            Kind::Interface { eta, .. } => eta,
+            _ => 1.0,
+        }
+    }
+
     /// Fraction of the light from `wo` that is scattered at all.
     pub fn albedo(&self, wo: Vec3) -> Vec3 {
         match &self.kind {
