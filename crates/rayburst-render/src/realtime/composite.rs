@@ -37,15 +37,22 @@ pub fn composite(
                 let (broad, glossy) =
                     (row(&signals.diffuse_reflectance), row(&signals.specular_reflectance));
                 let lights = lights(signals, channel, y);
+                let analytic = [
+                    signals.analytic_diffuse.channel_row(channel, y),
+                    signals.analytic_specular.channel_row(channel, y),
+                ];
+                let shadow = signals.shadow.row(y);
                 let transparency = signals.transparency.channel_row(channel, y);
                 let emitted = gbuffer.emitted.channel_row(channel, y);
                 let ambient = parameters.ambient[channel];
                 let shown = if parameters.emission { 1.0 } else { 0.0 };
                 for x in 0..width as usize {
-                    let diffuse = broad[x].max(LEAST_REFLECTANCE) * (lights[0][x] + lights[1][x]);
-                    let specular = glossy[x].max(LEAST_REFLECTANCE) * (lights[2][x] + lights[3][x]);
+                    let diffuse = lights[0][x] + lights[1][x] + analytic[0][x] * shadow[x];
+                    let specular = lights[2][x] + lights[3][x] + analytic[1][x] * shadow[x];
+                    let scattered = broad[x].max(LEAST_REFLECTANCE) * diffuse
+                        + glossy[x].max(LEAST_REFLECTANCE) * specular;
                     let around = broad[x] * ambient * occlusion[x];
-                    out[x] = diffuse + specular + around + transparency[x] + shown * emitted[x];
+                    out[x] = scattered + around + transparency[x] + shown * emitted[x];
                 }
             }
         }

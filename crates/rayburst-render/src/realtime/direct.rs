@@ -115,11 +115,15 @@ fn pixel(
                 radiance: arrival.illuminance,
                 pdf: 1.0,
                 delta: true,
+                emitter: None,
             };
             shine(frame, &surface, reflectances, rows, shadows, (x, y), key, &light);
         }
     }
-    if let Some(light) = sample(frame.scene, frame, &surface, &sampler) {
+    let tile = frame.tile((x, y));
+    let sampled = sample(frame.scene, frame, &surface, &sampler)
+        .filter(|light| light.emitter.is_none_or(|triangle| !frame.is_analytic(tile, triangle)));
+    if let Some(light) = sampled {
         shine(frame, &surface, reflectances, rows, shadows, (x, y), key, &light);
     }
 }

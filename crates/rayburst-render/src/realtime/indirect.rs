@@ -169,6 +169,8 @@ impl Work {
             specular: sample.delta,
             sampler: frame.sampler(at),
             key: frame.key(at),
+            // A smooth lobe has no closed form, and mirrors have none at all.
+            tile: if sample.delta { u32::MAX } else { frame.tile(at) },
         };
         self.paths.start(ray, state);
     }

@@ -4,6 +4,7 @@
 //! planes and writes others: the [`GBuffer`] says what the eye sees, the [`Signals`] what light arrives
 //! there, in the parts that filters want apart. Only passes that rasterise or trace see the scene.
 
+mod analytic;
 mod composite;
 mod direct;
 mod gbuffer;

@@ -34,6 +34,9 @@ pub(crate) struct PathRay {
     pub(crate) sampler: Sampler,
     /// The root of the path's alpha decisions.
     pub(crate) key: u32,
+    /// The square whose polygon lights the first ray does not find, as they were added already; none if
+    /// there is no such.
+    pub(crate) tile: u32,
 }
 
 /// What a path brought back.
@@ -141,7 +144,9 @@ impl Paths {
         let wo = -ray.direction;
         let seen = path.footprint.at(ray, hit, &surface);
         let point = scene.shading_point(&surface, wo, seen, &frame.shading);
-        if point.emitted != Vec3::ZERO {
+        let triangle = [hit.instance, hit.geometry, hit.primitive];
+        let known = depth == 2 && frame.is_analytic(path.tile, triangle);
+        if point.emitted != Vec3::ZERO && !known {
             let weight = estimator::found_weight(both, path.pdf, || {
                 sampler.emitter_pdf(scene, hit, ray.origin, ray.direction)
             });

@@ -7,12 +7,13 @@ use rayburst_math::glam::{Vec2, Vec3};
 use rayburst_scene::{Camera, FlatScene};
 
 use super::{
+    analytic::analytic_light,
     composite::{CompositeParameters, composite, variance},
     direct::direct_light,
     gbuffer::GBuffer,
     history::History,
     indirect::{Gathered, gather_pixels, gather_quads},
-    lights::FrameLights,
+    lights::{FrameLights, TileLights},
     motion::Motion,
     occlusion::ambient_occlusion,
     pass::{FrameContext, pixel_key},
@@ -81,6 +82,7 @@ pub struct FrameRenderer {
     quads: Quads,
     picture: Plane3,
     lights: Option<FrameLights>,
+    tiles: Vec<TileLights>,
     passes: Vec<PassReport>,
     gbuffer_chooser: Chooser,
 }
@@ -102,6 +104,7 @@ impl FrameRenderer {
             quads: Quads::new(size)?,
             picture: Plane3::new(size.0, size.1)?,
             lights: None,
+            tiles: Vec::new(),
             passes: Vec::new(),
             gbuffer_chooser: Chooser::default(),
         })
@@ -140,7 +143,9 @@ impl FrameRenderer {
             let fit = this.lights.take().filter(|lights| lights.fit(scene, &settings));
             (fit.unwrap_or_else(|| FrameLights::new(scene, &settings)), 0)
         });
-        let context = FrameContext {
+        self.tiles.clear();
+        let mut context = FrameContext {
+            tiles: &[],
             scene,
             opaque: scene.is_opaque(),
             view: &view,
@@ -156,9 +161,18 @@ impl FrameRenderer {
             this.gbuffer.resolve(scene, &view, &motion, &context.shading, sky);
             ((), 0)
         });
-        self.timed("direct", None, |this| {
+        let mut tiles = std::mem::take(&mut self.tiles);
+        self.timed("tiles", None, |this| {
             this.signals.clear();
+            lights.choose(&this.gbuffer, &mut tiles);
+            ((), 0)
+        });
+        context.tiles = &tiles;
+        self.timed("direct", None, |this| {
             ((), direct_light(&context, &this.gbuffer, &mut this.signals))
+        });
+        self.timed("polygon_lights", None, |this| {
+            ((), analytic_light(&context, &this.gbuffer, &mut this.signals))
         });
         let gathered = self.indirect(&context);
         self.occlusion(&context);
@@ -176,6 +190,7 @@ impl FrameRenderer {
             ((), 0)
         });
         self.lights = Some(lights);
+        self.tiles = tiles;
         history.advance(view, scene, &self.picture);
         Frame {
             picture: &self.picture,

@@ -17,7 +17,7 @@ mod environment;
 mod punctual;
 #[cfg(test)]
 mod tests;
-mod triangle;
+pub(crate) mod triangle;
 
 use std::f32::consts::PI;
 
@@ -43,6 +43,8 @@ pub struct LightSample {
     pub pdf: f32,
     /// Whether scattered rays cannot find this light.
     pub delta: bool,
+    /// Instance, geometry and primitive of an emissive triangle.
+    pub emitter: Option<[u32; 3]>,
 }
 
 /// Kinds of lights.
@@ -254,6 +256,7 @@ impl LightSampler {
                     radiance: scene.environment.radiance(direction),
                     pdf: probability * pdf,
                     delta: false,
+                    emitter: None,
                 })
             }
             Source::Punctual(i) => {
@@ -264,6 +267,7 @@ impl LightSampler {
                     radiance: arrival.illuminance,
                     pdf: probability,
                     delta: true,
+                    emitter: None,
                 })
             }
             Source::Emitter(emitter) => {
@@ -350,6 +354,12 @@ fn emitter_weights(
     Distribution1d::new(&weights)
 }
 
+/// How far a shadow ray to a point of an emitter reaches: its end must not meet the emitter itself.
+pub(crate) fn short_of(point: Vec3, distance: f32) -> Option<f32> {
+    let slack = 1e-4 * distance + 4e-6 * point.abs().max_element();
+    (distance > slack).then_some(distance - slack)
+}
+
 fn sample_emitter(
     scene: &FlatScene,
     emitter: &Emitter,
@@ -365,11 +375,7 @@ fn sample_emitter(
     let point = a + uv.x * (b - a) + uv.y * (c - a);
     let to = point - from;
     let distance = to.length();
-    // The end of the shadow ray must not meet the emitter itself.
-    let slack = 1e-4 * distance + 4e-6 * point.abs().max_element();
-    if distance <= slack {
-        return None;
-    }
+    let reach = short_of(point, distance)?;
     let direction = to / distance;
     let area_vector = triangle.area_vector();
     let hit = Hit {
@@ -396,9 +402,10 @@ fn sample_emitter(
     let pdf = probability * triangle::pdf(triangle.points, area_vector, from, point);
     (pdf > 0.0 && pdf.is_finite()).then_some(LightSample {
         direction,
-        distance: distance - slack,
+        distance: reach,
         radiance,
         pdf,
         delta: false,
+        emitter: Some([instance, geometry, primitive as u32]),
     })
 }

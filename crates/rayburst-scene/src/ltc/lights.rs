@@ -1,6 +1,6 @@
 //! The lamps of a scene that are polygons.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use rayburst_image::colour::luminance;
 use rayburst_math::{Aabb, Hit};
 
@@ -8,7 +8,10 @@ use super::{
     merge::{Merged, merge},
     polygon::MAX_CORNERS,
 };
-use crate::{AlphaMode, FlatScene, Material};
+use crate::{
+    AlphaMode, FlatScene, Material,
+    light_sampler::{short_of, triangle},
+};
 
 /// Which lamps become polygons.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,6 +68,28 @@ impl PolygonLight {
         let slack = 1e-5 * self.area.sqrt() + 5e-7 * point.abs().max_element();
         let shines = height > slack || (self.two_sided && height < -slack);
         if shines { self.radiance } else { Vec3::ZERO }
+    }
+
+    /// A point of the light that `u` in [0, 1)² picks, about evenly as seen from `from`; and how far a
+    /// shadow ray from there to it reaches. `None` where it is too near.
+    pub fn sample(&self, from: Vec3, u: Vec2) -> Option<(Vec3, f32)> {
+        let corners = self.corners();
+        let first = *corners.first()?;
+        // A triangle of the fan by its area.
+        let area = |pair: &[Vec3]| 0.5 * (pair[0] - first).cross(pair[1] - first).length();
+        let mut left = u.x * self.area;
+        let mut fan = corners[1..].windows(2).peekable();
+        while let Some(pair) = fan.next() {
+            let size = area(pair);
+            if left < size || fan.peek().is_none() {
+                let u = Vec2::new((left / size).clamp(0.0, 1.0 - f32::EPSILON), u.y);
+                let at = triangle::sample([first, pair[0], pair[1]], from, u);
+                let point = first + at.x * (pair[0] - first) + at.y * (pair[1] - first);
+                return Some((point, short_of(point, from.distance(point))?));
+            }
+            left -= size;
+        }
+        None
     }
 
     /// Luminous power per steradian of facing area: luminance times area.
