@@ -6,7 +6,6 @@
 //! its samples is that integrator's sample, up to rounding. Nothing here is fast; with
 //! [`Reference::exhaustive`] not even the search: every triangle is tested, in `f64`.
 
-use rayburst_accel::{AcceptAll, TraceOptions};
 use rayburst_image::{PixelFilter, RgbImage};
 use rayburst_math::{Hit, Ray, Sampler, glam::Vec3};
 use rayburst_scene::{AlphaFilter, Camera, FlatScene, LightSampler};
@@ -176,11 +175,10 @@ impl<'a> Reference<'a> {
     }
 
     fn closest_hit(&self, ray: &Ray, key: u32) -> Hit {
-        let filter = AlphaFilter::new(self.scene, std::slice::from_ref(&key));
-        match (self.exhaustive, self.scene.is_opaque()) {
-            (true, _) => trace_naive(self.scene, ray, &filter),
-            (_, true) => self.scene.tlas.closest_hit(ray, &TraceOptions::default(), &AcceptAll),
-            (_, false) => self.scene.tlas.closest_hit(ray, &TraceOptions::default(), &filter),
+        if self.exhaustive {
+            let filter = AlphaFilter::new(self.scene, std::slice::from_ref(&key));
+            return trace_naive(self.scene, ray, &filter);
         }
+        self.scene.closest_hit(ray, (!self.scene.is_opaque()).then_some(key))
     }
 }

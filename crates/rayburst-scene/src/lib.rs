@@ -31,6 +31,7 @@ pub mod tangents;
 pub mod texture;
 pub mod texture_ellipse;
 pub mod texture_lookup;
+mod trace;
 
 pub use alpha::AlphaFilter;
 pub use bsdf::{Bsdf, BsdfSample, LobeValues, SpecularPath};

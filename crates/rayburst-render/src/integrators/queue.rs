@@ -1,8 +1,7 @@
 //! Queues of rays in flight: the current generation, the next one, and shadow rays.
 
-use rayburst_accel::{AcceptAll, Counters, TraceOptions};
+use rayburst_accel::Counters;
 use rayburst_math::{Hit, Ray, glam::Vec3, hash};
-use rayburst_scene::AlphaFilter;
 
 use crate::{
     RayFootprint,
@@ -78,13 +77,8 @@ impl Queue {
         let scene = context.scene;
         self.hits.clear();
         self.hits.resize(self.rays.len(), Hit::MISS);
-        let options = TraceOptions::default();
-        if context.opaque {
-            scene.tlas.closest_hits(&self.rays, &mut self.hits, &options, &AcceptAll);
-        } else {
-            let filter = AlphaFilter::new(scene, &self.keys);
-            scene.tlas.closest_hits(&self.rays, &mut self.hits, &options, &filter);
-        }
+        let keys = (!context.opaque).then_some(&self.keys[..]);
+        scene.closest_hits(&self.rays, keys, &mut self.hits);
     }
 
     /// Finds the closest hits, and what each ray visited.
@@ -94,9 +88,7 @@ impl Queue {
         self.hits.resize(self.rays.len(), Hit::MISS);
         counts.clear();
         counts.resize(self.rays.len(), Counters::default());
-        let (rays, hits) = (&self.rays, &mut self.hits);
-        let filter = AlphaFilter::new(scene, &self.keys);
-        scene.tlas.closest_hits_counted(rays, hits, counts, &TraceOptions::default(), &filter);
+        scene.closest_hits_counted(&self.rays, &self.keys, &mut self.hits, counts);
     }
 }
 
@@ -122,13 +114,8 @@ impl ShadowQueue {
         let scene = context.scene;
         self.occluded.clear();
         self.occluded.resize(self.rays.len(), false);
-        let options = TraceOptions::default();
-        if context.opaque {
-            scene.tlas.any_hits(&self.rays, &mut self.occluded, &options, &AcceptAll);
-        } else {
-            let filter = AlphaFilter::new(scene, &self.keys);
-            scene.tlas.any_hits(&self.rays, &mut self.occluded, &options, &filter);
-        }
+        let keys = (!context.opaque).then_some(&self.keys[..]);
+        scene.any_hits(&self.rays, keys, &mut self.occluded);
         batch.counts.shadow += self.rays.len() as u64;
         for (&(radiance, slot), &occluded) in self.light.iter().zip(&self.occluded) {
             if !occluded {
