@@ -104,23 +104,10 @@ impl Work {
         (x, y): (u32, u32),
         target: (u32, u32),
     ) {
-        let sampler = frame.sampler((x, y));
-        let u = sampler.get_2d(numbers(lobe));
-        let (broad, glossy) = surface.bsdf.albedos_apart(surface.wo);
-        let (sample, reflectance) = match lobe {
-            Lobe::Broad if broad != Vec3::ZERO => (surface.bsdf.sample_broad(surface.wo, u), broad),
-            Lobe::Glossy if glossy != Vec3::ZERO => {
-                (surface.bsdf.sample_glossy(surface.wo, u), glossy)
-            }
-            _ => return,
-        };
-        let Some(sample) = sample else { return };
-        let throughput = factor * sample.weight / guarded(reflectance);
-        if throughput == Vec3::ZERO || !throughput.is_finite() {
+        let Some((ray, sample, throughput)) = first_ray(frame, surface, lobe, (x, y)) else {
             return;
-        }
-        let wi = surface.frame.to_world(sample.wi).normalize();
-        let ray = Ray::new(surface.place.spawn(wi), wi);
+        };
+        let (wi, throughput) = (ray.direction, factor * throughput);
         let normal = surface.frame.normal;
         let turn = Turn { wi, transmitted: false, normal, eta: 1.0, spread: sample.spread };
         let footprint = self.turned(frame, gbuffer, (x, y), &turn);
@@ -195,13 +182,50 @@ impl Work {
     }
 }
 
-/// One reflection and one diffuse bounce a block of 2×2 pixels, and a path for each pixel of mirrors and
+/// A ray that leaves a first hit by one of its lobes, how it was sampled, and the demodulated factor on what
+/// it brings.
+#[inline]
+fn first_ray(
+    frame: &FrameContext<'_>,
+    surface: &PixelSurface,
+    lobe: Lobe,
+    at: (u32, u32),
+) -> Option<(Ray, BsdfSample, Vec3)> {
+    let u = frame.sampler(at).get_2d(numbers(lobe));
+    let (broad, glossy) = surface.bsdf.albedos_apart(surface.wo);
+    let (sample, reflectance) = match lobe {
+        Lobe::Broad if broad != Vec3::ZERO => (surface.bsdf.sample_broad(surface.wo, u), broad),
+        Lobe::Glossy if glossy != Vec3::ZERO => (surface.bsdf.sample_glossy(surface.wo, u), glossy),
+        _ => return None,
+    };
+    let sample = sample?;
+    let throughput = sample.weight / guarded(reflectance);
+    if throughput == Vec3::ZERO || !throughput.is_finite() {
+        return None;
+    }
+    let wi = surface.frame.to_world(sample.wi).normalize();
+    Some((Ray::new(surface.place.spawn(wi), wi), sample, throughput))
+}
+
+/// A reflected ray of a first hit and the demodulated factor on what it brings.
+#[inline]
+pub(crate) fn reflected_ray(
+    frame: &FrameContext<'_>,
+    surface: &PixelSurface,
+    at: (u32, u32),
+) -> Option<(Ray, Vec3)> {
+    let (ray, _, throughput) = first_ray(frame, surface, Lobe::Glossy, at)?;
+    Some((ray, throughput))
+}
+
+/// One reflection, unless these are made otherwise, and one diffuse bounce a block of 2×2 pixels, and a path for each pixel of mirrors and
 /// glass.
 pub(crate) fn gather_quads(
     frame: &FrameContext<'_>,
     gbuffer: &GBuffer,
     quads: &mut Quads,
     signals: &mut Signals,
+    reflections: bool,
 ) -> Gathered {
     let passes = &frame.settings.passes;
     let columns = quads.size().0;
@@ -214,11 +238,11 @@ pub(crate) fn gather_quads(
             glossy.clear();
             broad.clear();
             for block in rows.blocks(columns) {
-                rows.clear(block);
+                rows.clear(block, reflections || !passes.reflections);
                 let Some(at) = asking(rows.chosen.get(block.0, block.1), block) else { continue };
                 let surface = gbuffer.surface_at(frame.scene, frame.view, &frame.shading, at);
                 let Some(surface) = surface else { continue };
-                if passes.reflections {
+                if reflections {
                     glossy.start(frame, gbuffer, &surface, Lobe::Glossy, 1.0, at, block);
                 }
                 if passes.indirect {

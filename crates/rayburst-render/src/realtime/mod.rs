@@ -18,6 +18,7 @@ mod paths;
 mod quads;
 mod renderer;
 mod screen;
+mod screen_pass;
 mod settings;
 mod shadows;
 mod signals;
