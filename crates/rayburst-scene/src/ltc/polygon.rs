@@ -8,7 +8,7 @@
 //! Irradiance Tensors to the Simulation of Non-Lambertian Phenomena", SIGGRAPH 1995). Clipping:
 //! Sutherland, Hodgman: "Reentrant Polygon Clipping", Communications of the ACM 1974.
 
-use std::f32::consts::FRAC_1_PI;
+use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, PI};
 
 use glam::Vec3;
 
@@ -26,7 +26,7 @@ pub(super) struct SeenPolygon {
     corners: [Vec3; CAPACITY],
 }
 
-/// An edge as an arc: the normal of its plane, its length in radians, its ends as unit vectors.
+/// An edge as an arc: the normal of its plane, its length in radians, its ends.
 struct Arc {
     normal: Vec3,
     angle: f32,
@@ -100,8 +100,8 @@ impl SeenPolygon {
             let sine = cross.length();
             (sine > 0.0).then(|| Arc {
                 normal: cross / sine,
-                angle: sine.atan2(a.dot(b)),
-                ends: [a.normalize_or_zero(), b.normalize_or_zero()],
+                angle: angle(sine, a.dot(b)),
+                ends: [a, b],
             })
         })
     }
@@ -116,36 +116,61 @@ impl SeenPolygon {
         (0.5 * FRAC_1_PI * sum.abs()).min(1.0)
     }
 
-    /// ∫ω dω, the vector irradiance, up to its sign.
-    pub(super) fn vector(&self) -> Vec3 {
-        if self.is_empty() {
-            return Vec3::ZERO;
-        }
-        0.5 * self.arcs().map(|arc| arc.angle * arc.normal).sum::<Vec3>()
+    /// ∫cos θ dω over a polygon that has been clipped to z > 0.
+    pub(super) fn cosine_integral(&self) -> f32 {
+        PI * self.cosine_share()
     }
 
     /// ∫h dω for functions h about the z axis given by their K, over a polygon that has been clipped
-    /// to z > 0.
-    pub(super) fn axial_integrals<const N: usize>(&self, profiles: &[Profile; N]) -> [f32; N] {
+    /// to z > 0; and the length of ∫ω dω, which for small polygons is their solid angle.
+    pub(super) fn axial_integrals<const N: usize>(
+        &self,
+        profiles: &[Profile; N],
+    ) -> ([f32; N], f32) {
         let mut sums = [0.0; N];
+        let mut vector = Vec3::ZERO;
         if self.is_empty() {
-            return sums;
+            return (sums, 0.0);
         }
         for arc in self.arcs() {
+            vector += arc.angle * arc.normal;
             let powers = arc.integrals_of_powers();
             for (sum, profile) in sums.iter_mut().zip(profiles) {
                 let along: f32 = powers.iter().zip(profile).map(|(f, k)| f * k).sum();
                 *sum += arc.normal.z * along;
             }
         }
-        sums.map(f32::abs)
+        (sums.map(f32::abs), 0.5 * vector.length())
     }
+}
+
+/// The angle of a positive sine and a cosine that share a factor. Abramowitz, Stegun: "Handbook of
+/// Mathematical Functions", 1964, 4.4.49: an arc tangent to 2·10⁻⁸.
+#[inline]
+fn angle(sine: f32, cosine: f32) -> f32 {
+    let flat = cosine.abs();
+    let t = sine.min(flat) / sine.max(flat);
+    let t2 = t * t;
+    let series = [
+        0.002_866_225_7,
+        -0.016_165_736_7,
+        0.042_909_613_8,
+        -0.075_289_64,
+        0.106_562_639_3,
+        -0.142_088_994_4,
+        0.199_935_508_5,
+        -0.333_331_452_8,
+        1.0,
+    ];
+    let arc = t * series.into_iter().fold(0.0, |sum, c| sum * t2 + c);
+    let arc = if sine > flat { FRAC_PI_2 - arc } else { arc };
+    if cosine < 0.0 { PI - arc } else { arc }
 }
 
 impl Arc {
     /// ∫zᵐ ds along the arc for each m of [`POWERS`].
     fn integrals_of_powers(&self) -> [f32; POWERS.len()] {
-        let [a, b] = self.ends;
+        let [a, b] = self.ends.map(Vec3::normalize_or_zero);
         let n = self.normal;
         // With r² + n_z² = 1, z = r cos ψ along the arc and z′ = −r sin ψ.
         let slope = |p: Vec3| n.x * p.y - n.y * p.x;
@@ -162,5 +187,39 @@ impl Arc {
             f[m] = (ends + (m - 1) as f32 * r2 * f[m - 2]) / m as f32;
         }
         POWERS.map(|m| f[m])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ltc::axial::COSINE;
+
+    #[test]
+    fn angles_are_those_of_the_library() {
+        for i in 0..=20_000 {
+            let exact = f64::from(i) / 20_000.0 * std::f64::consts::PI;
+            let (sine, cosine) = exact.sin_cos();
+            let found = angle(3.0 * sine as f32, 3.0 * cosine as f32);
+            assert!((f64::from(found) - exact).abs() < 4e-7, "{exact} {found}");
+        }
+        for tiny in [1e-20f32, 1e-6, 1e-3] {
+            assert!((angle(tiny, 1.0) / tiny.atan() - 1.0).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn an_octant_has_its_form_factor() {
+        // A corner of a room: ∫cos θ dω over a quarter of the hemisphere is π/4.
+        let octant = SeenPolygon::new([Vec3::X, Vec3::Y, Vec3::Z].into_iter());
+        assert!((octant.cosine_integral() - 0.25 * PI).abs() < 1e-6);
+        let ([cosine], vector) = octant.axial_integrals(&[COSINE]);
+        assert!((cosine - 0.25 * PI).abs() < 1e-6);
+        assert!((vector - 0.25 * PI * 3f32.sqrt()).abs() < 1e-6);
+        // Half of it.
+        let half = octant.clip((Vec3::X - Vec3::Y).normalize());
+        assert!((half.cosine_integral() - 0.125 * PI).abs() < 1e-6);
+        assert!(octant.clip(-Vec3::Z).is_empty());
+        assert_eq!(octant.clip(Vec3::Z).cosine_integral(), octant.cosine_integral());
     }
 }

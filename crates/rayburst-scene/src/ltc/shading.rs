@@ -106,15 +106,13 @@ impl PolygonShading {
     /// ∫cos θ, ∫cos θ·a and ∫cos θ·b for the albedos a and b at θ.
     fn axial(&self, seen: &SeenPolygon) -> [f32; 3] {
         if self.terms.coat == [0.0; 3] && self.terms.returned == Vec3::ZERO {
-            let [cosine] = seen.axial_integrals(&[COSINE]);
-            return [cosine, 0.0, 0.0];
+            return [seen.cosine_integral(), 0.0, 0.0];
         }
-        let vector = seen.vector();
-        let solid_angle = vector.length();
+        let (integrals, solid_angle) = seen.axial_integrals(&self.profiles);
         if solid_angle > SMALL {
-            return seen.axial_integrals(&self.profiles);
+            return integrals;
         }
-        let cosine = vector.z.abs();
+        let [cosine, ..] = integrals;
         let e = albedo::directional(cosine / solid_angle.max(f32::MIN_POSITIVE), self.terms.alpha);
         [cosine, cosine * e.a, cosine * e.b]
     }
