@@ -16,6 +16,9 @@ use crate::{
 /// Polygons of fewer steradians are integrated by the value of a function in their middle.
 const SMALL: f32 = 1e-3;
 
+/// Albedos of the lobe towards grazing angles below this are added to the other lobe's.
+const FAINT: f32 = 2e-3;
+
 /// ∫f·cos θ dω over the directions of a light of radiance 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PolygonIntegral {
@@ -58,6 +61,12 @@ impl PolygonShading {
         let [a, b] = albedo_profiles(terms.alpha);
         let lobes =
             (terms.alpha > 0.0).then(|| Part::ALL.map(|p| Lobe::new(p, local, terms.alpha)));
+        let mut terms = terms;
+        if terms.glossy[1].max_element() < FAINT {
+            // Little is lost if it comes from where the rest does.
+            let [normal, grazing] = &mut terms.glossy;
+            *normal += std::mem::take(grazing);
+        }
         let geometric_normal = bsdf.geometric_normal();
         Some(Self {
             position,
@@ -129,7 +138,8 @@ impl PolygonShading {
             let there = seen.map(|p| lobe.to_cosine * p).clip(Vec3::Z);
             (there.cosine_share() * lobe.normalisation).min(1.0)
         };
-        let [normal, grazing] = &self.terms.glossy;
-        share(&lobes[0]) * *normal + share(&lobes[1]) * *grazing
+        let [normal, grazing] = self.terms.glossy;
+        let light = share(&lobes[0]) * normal;
+        if grazing == Vec3::ZERO { light } else { light + share(&lobes[1]) * grazing }
     }
 }
