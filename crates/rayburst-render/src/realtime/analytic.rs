@@ -19,6 +19,9 @@ use super::{
 };
 use crate::dimensions;
 
+/// Of smoother surfaces the glossy lobe is left to reflected rays: its closed form is not good enough.
+pub(crate) const SHARP_ROUGHNESS: f32 = 0.1;
+
 struct Rows<'a> {
     diffuse: Band3<'a>,
     specular: Band3<'a>,
@@ -99,6 +102,7 @@ fn pixel(
     let wo = surface.frame.to_world(surface.wo);
     let shading = PolygonShading::new(&surface.bsdf, &surface.frame, position, wo);
     let Some(shading) = shading else { return };
+    let sharp = gbuffer.roughness.get(x, y) < SHARP_ROUGHNESS;
     let sampler = frame.sampler((x, y));
     let mut choice = sampler.get_1d(dimensions::POLYGON_CHOICE);
     let (mut diffuse, mut specular, mut chosen, mut sum) = (Vec3::ZERO, Vec3::ZERO, None, 0.0f32);
@@ -109,7 +113,8 @@ fn pixel(
             continue;
         }
         let integral = shading.integrate(light.corners());
-        let (broad, glossy) = (integral.diffuse * radiance, integral.specular * radiance);
+        let broad = integral.diffuse * radiance;
+        let glossy = if sharp { Vec3::ZERO } else { integral.specular * radiance };
         let weight = (broad + glossy).element_sum();
         if !(weight > 0.0 && weight.is_finite()) {
             continue;

@@ -10,7 +10,7 @@ use rayburst_math::{
     Ray, Sampler,
     glam::{Vec2, Vec3},
 };
-use rayburst_scene::{FlatScene, LightSample};
+use rayburst_scene::LightSample;
 use rayon::prelude::*;
 
 use super::{
@@ -115,26 +115,22 @@ fn pixel(
                 radiance: arrival.illuminance,
                 pdf: 1.0,
                 delta: true,
-                emitter: None,
             };
             shine(frame, &surface, reflectances, rows, shadows, (x, y), key, &light);
         }
     }
-    let tile = frame.tile((x, y));
-    let sampled = sample(frame.scene, frame, &surface, &sampler)
-        .filter(|light| light.emitter.is_none_or(|triangle| !frame.is_analytic(tile, triangle)));
-    if let Some(light) = sampled {
+    if let Some(light) = sample(frame, &surface, &sampler, frame.tile((x, y))) {
         shine(frame, &surface, reflectances, rows, shadows, (x, y), key, &light);
     }
 }
 
-/// One of the lights that are sampled at random.
+/// One of the lights that are sampled at random; none for those that have a closed form here.
 #[inline]
 fn sample(
-    scene: &FlatScene,
     frame: &FrameContext<'_>,
     surface: &PixelSurface,
     sampler: &Sampler,
+    tile: u32,
 ) -> Option<LightSample> {
     if frame.lights.primary.is_empty() {
         return None;
@@ -142,7 +138,10 @@ fn sample(
     let numbers = dimensions::Vertex::at_depth(1);
     let choice = sampler.get_1d(numbers.light_choice());
     let u: Vec2 = sampler.get_2d(numbers.light_point());
-    frame.lights.primary.sample_from(scene, surface.place.position, choice, u)
+    let (from, lights) = (surface.place.position, &frame.lights.primary);
+    lights.sample_except(frame.scene, from, choice, u, |instance, geometry, primitive| {
+        frame.is_analytic(tile, [instance, geometry, primitive])
+    })
 }
 
 /// Adds a shadow ray to a light, or its light where shadows are not wanted.

@@ -167,7 +167,7 @@ impl FrameRenderer {
         let mut tiles = std::mem::take(&mut self.tiles);
         self.timed("tiles", None, |this| {
             this.signals.clear();
-            lights.choose(&this.gbuffer, &mut tiles);
+            lights.choose(&this.gbuffer, &settings, &mut tiles);
             ((), 0)
         });
         context.tiles = &tiles;

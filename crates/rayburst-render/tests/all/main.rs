@@ -3,6 +3,7 @@
 mod analytic;
 mod convergence;
 mod determinism;
+mod frames;
 mod furnace;
 mod inspection;
 mod reference;
