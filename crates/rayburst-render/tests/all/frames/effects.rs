@@ -158,7 +158,7 @@ fn rays_see_what_is_off_the_screen_and_screen_space_does_not() {
     let material = scene.add_material("lamp", material);
     scene.add_mesh("lamp", vec![shape.into_primitive(material)]);
     let scene = flat(&scene);
-    let camera = Camera::look_at(Vec3::new(0.0, 3.0, 6.0), Vec3::new(0.0, 0.0, 2.0), Vec3::Y, 0.5);
+    let camera = Camera::look_at(Vec3::new(0.0, 3.0, 6.0), Vec3::new(0.0, 0.0, 4.0), Vec3::Y, 0.5);
     // Direct light is left out, so that the lamp is found by reflections alone.
     let passes = Passes { direct: false, ..Passes::ALL };
     let reflected = |reflections| {
@@ -187,8 +187,8 @@ fn the_reflection_of_a_lamp_is_shared_between_passes_without_loss() {
         let camera = Camera::look_at(Vec3::new(0.0, 3.0, 6.0), Vec3::ZERO, Vec3::Y, 0.5);
         let settings = FrameSettings { size: (48, 32), max_depth: 2, ..Default::default() };
         let path = FrameSettings { mode: FrameMode::Path, ..settings };
-        let a = channels(&mean_of_frames(&scene, camera, &settings, 64)).x;
+        let a = channels(&mean_of_frames(&scene, camera, &settings, 256)).x;
         let b = channels(&mean_of_frames(&scene, camera, &path, 256)).x;
-        assert!((a / b - 1.0).abs() < 0.03, "roughness {roughness}: {a} {b}");
+        assert!((a / b - 1.0).abs() < 0.04, "roughness {roughness}: {a} {b}");
     }
 }
