@@ -6,6 +6,7 @@
 mod asm_check;
 mod book;
 mod ci;
+mod ltc;
 mod performance;
 mod portable;
 mod proofs;
@@ -20,6 +21,8 @@ const USAGE: &str = "usage: cargo xtask COMMAND
   book    links, code and pictures of the tutorial; builds it where mdbook is installed
   tutorial
           runs the tutorial's programs, which make the pictures of the book anew
+  ltc [--check]
+          fits the lobes of polygon lights to GGX and writes their table, or compares it with the fit
   performance FILE.json…
           the tables of docs/performance.md from the rows of `rayburst bench … --json`
   portable
@@ -41,6 +44,7 @@ fn main() -> ExitCode {
         ["tidy"] => tidy::run(),
         ["book"] => book::run(),
         ["tutorial"] => book::tutorial(),
+        ["ltc", ref arguments @ ..] => ltc::run(arguments),
         ["portable"] => portable::run(),
         ["verify", ref arguments @ ..] => proofs::verify(arguments),
         ["fuzz", ref arguments @ ..] => proofs::fuzz(arguments),

@@ -83,6 +83,18 @@ impl<T: Copy + Default> Plane<T> {
         self.row(y)[x as usize]
     }
 
+    /// Where in [`Plane::values`] a pixel is: the same in all planes of a size.
+    #[inline]
+    pub fn index(&self, x: u32, y: u32) -> usize {
+        y as usize * self.stride + x as usize
+    }
+
+    /// The value at an [`Plane::index`].
+    #[inline]
+    pub fn at(&self, index: usize) -> T {
+        self.values[index]
+    }
+
     /// The value of the nearest pixel of the picture; the picture must not be empty.
     #[inline]
     pub fn get_clamped(&self, x: i32, y: i32) -> T {
@@ -181,12 +193,20 @@ impl Plane3 {
         Vec3::new(a.get(x, y), b.get(x, y), c.get(x, y))
     }
 
+    /// The value at an [`Plane::index`].
+    #[inline]
+    pub fn at(&self, index: usize) -> Vec3 {
+        let [a, b, c] = &self.channels;
+        Vec3::new(a.at(index), b.at(index), c.at(index))
+    }
+
     /// Sets a pixel. Panics outside the picture.
     #[inline]
     pub fn set(&mut self, x: u32, y: u32, value: Vec3) {
-        for (channel, value) in self.channels.iter_mut().zip(value.to_array()) {
-            channel.set(x, y, value);
-        }
+        let [a, b, c] = &mut self.channels;
+        a.set(x, y, value.x);
+        b.set(x, y, value.y);
+        c.set(x, y, value.z);
     }
 
     /// Sets all values.
@@ -201,6 +221,12 @@ impl Plane3 {
         let [a, b, c] = &mut self.channels;
         let bands = a.bands_mut(rows).zip(b.bands_mut(rows)).zip(c.bands_mut(rows));
         bands.map(|((a, b), c)| Band3 { channels: [a, b, c] })
+    }
+
+    /// A row of one channel without padding.
+    #[inline]
+    pub fn channel_row(&self, channel: usize, y: u32) -> &[f32] {
+        self.channels[channel].row(y)
     }
 
     /// The picture without padding.
@@ -227,9 +253,17 @@ impl Band3<'_> {
     /// Sets a pixel, by its place in the plane. Panics outside the band.
     #[inline]
     pub fn set(&mut self, x: u32, y: u32, value: Vec3) {
-        for (channel, value) in self.channels.iter_mut().zip(value.to_array()) {
-            channel.set(x, y, value);
-        }
+        let [a, b, c] = &mut self.channels;
+        a.set(x, y, value.x);
+        b.set(x, y, value.y);
+        c.set(x, y, value.z);
+    }
+
+    /// The three channels of a row, by its number in the plane, without padding.
+    #[inline]
+    pub fn row_mut(&mut self, y: u32) -> [&mut [f32]; 3] {
+        let [a, b, c] = &mut self.channels;
+        [a.row_mut(y), b.row_mut(y), c.row_mut(y)]
     }
 }
 

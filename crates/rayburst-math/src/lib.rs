@@ -6,6 +6,8 @@
 
 pub mod aabb;
 pub mod cone;
+pub mod curvature;
+pub mod differential;
 pub mod distribution;
 pub mod frame;
 pub mod hash;
@@ -16,6 +18,7 @@ pub mod warp;
 
 pub use aabb::Aabb;
 pub use cone::RayCone;
+pub use differential::RayDifferential;
 pub use frame::Frame;
 pub use glam;
 pub use ray::{Hit, HitKind, Ray};

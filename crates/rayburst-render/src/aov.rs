@@ -2,9 +2,9 @@
 
 use rayburst_image::{AovMode, AovSpec, Precision};
 use rayburst_math::glam::Vec3;
-use rayburst_math::{Hit, Ray, RayCone};
+use rayburst_math::{Hit, Ray};
 
-use crate::batch::Context;
+use crate::{RayFootprint, batch::Context};
 use rayburst_scene::{ShadingPoint, Surface};
 
 /// A signal of the first hit of each eye ray.
@@ -114,11 +114,16 @@ impl Features {
 
 impl Features {
     /// What an eye ray meets.
-    pub(crate) fn of_hit(context: &Context<'_>, ray: &Ray, hit: &Hit, cone: RayCone) -> Self {
+    pub(crate) fn of_hit(
+        context: &Context<'_>,
+        ray: &Ray,
+        hit: &Hit,
+        footprint: &RayFootprint,
+    ) -> Self {
         let surface = context.scene.surface(hit);
         let options = context.settings.shading();
-        let width = cone.width_at(hit.t);
-        let point = context.scene.shading_point(&surface, -ray.direction, width, &options);
+        let seen = footprint.at(ray, hit, &surface);
+        let point = context.scene.shading_point(&surface, -ray.direction, seen, &options);
         Self::new(ray, hit, &surface, &point)
     }
 

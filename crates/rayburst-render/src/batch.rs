@@ -2,13 +2,16 @@
 
 use rayburst_image::{FilmTile, PixelFilter};
 use rayburst_math::{
-    Ray, RayCone, Sampler,
+    Ray, Sampler,
     glam::{Vec2, Vec3},
     hash,
 };
 use rayburst_scene::{Camera, FlatScene, LightSampler};
 
-use crate::{Features, RayCounts, RenderSettings, dimensions, integrators::PointLights};
+use crate::{
+    Features, RayCounts, RayFootprint, RenderSettings, dimensions, footprint::Footprints,
+    integrators::PointLights,
+};
 
 /// What all batches of a render share.
 #[derive(Clone, Copy, Debug)]
@@ -28,7 +31,7 @@ pub(crate) struct Context<'a> {
 #[derive(Debug, Default)]
 pub(crate) struct Batch {
     pub(crate) rays: Vec<Ray>,
-    pub(crate) cones: Vec<RayCone>,
+    pub(crate) footprints: Footprints,
     pub(crate) samplers: Vec<Sampler>,
     /// A hash of seed, pixel and sample: the root of each path's alpha decisions.
     pub(crate) keys: Vec<u32>,
@@ -55,7 +58,7 @@ impl Batch {
         samples: u32,
     ) {
         self.rays.clear();
-        self.cones.clear();
+        self.footprints.clear();
         self.samplers.clear();
         self.keys.clear();
         for i in pixels {
@@ -65,7 +68,7 @@ impl Batch {
                 let eye =
                     EyeRay::new(context.camera, context.settings, context.filter, (x, y), sample);
                 self.rays.push(eye.ray);
-                self.cones.push(eye.cone);
+                self.footprints.push(&eye.footprint);
                 self.samplers.push(eye.sampler);
                 self.keys.push(eye.key);
             }
@@ -84,7 +87,7 @@ impl Batch {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct EyeRay {
     pub(crate) ray: Ray,
-    pub(crate) cone: RayCone,
+    pub(crate) footprint: RayFootprint,
     pub(crate) sampler: Sampler,
     pub(crate) key: u32,
 }
@@ -105,6 +108,8 @@ impl EyeRay {
         let position = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + offset;
         let lens = sampler.get_2d(dimensions::LENS);
         let (ray, cone) = camera.ray(position, (width, height), lens);
-        Self { ray, cone, sampler, key: hash::words(&[settings.seed, pixel, sample]) }
+        let lod = settings.texture_lod;
+        let footprint = RayFootprint::of_eye(lod, camera, position, (width, height), lens, cone);
+        Self { ray, footprint, sampler, key: hash::words(&[settings.seed, pixel, sample]) }
     }
 }

@@ -58,3 +58,9 @@ const EXACT_LIGHTS: u32 = 1 << 24;
 
 /// Where the rays of ambient occlusion go; two numbers.
 pub(crate) const OCCLUSION: u32 = (1 << 24) - 4;
+
+/// Which polygon light of a frame's square a shadow ray goes to.
+pub(crate) const POLYGON_CHOICE: u32 = (1 << 24) - 6;
+
+/// Where on it; two numbers.
+pub(crate) const POLYGON_POINT: u32 = (1 << 24) - 8;

@@ -49,7 +49,14 @@ mod tests {
     use super::*;
 
     fn light(pdf: f32, delta: bool) -> LightSample {
-        LightSample { direction: Vec3::Y, distance: 1.0, radiance: Vec3::ONE, pdf, delta }
+        LightSample {
+            direction: Vec3::Y,
+            distance: 1.0,
+            radiance: Vec3::ONE,
+            pdf,
+            delta,
+            emitter: None,
+        }
     }
 
     #[test]

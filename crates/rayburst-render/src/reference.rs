@@ -6,18 +6,17 @@
 //! its samples is that integrator's sample, up to rounding. Nothing here is fast; with
 //! [`Reference::exhaustive`] not even the search: every triangle is tested, in `f64`.
 
-use rayburst_accel::{AcceptAll, TraceOptions};
 use rayburst_image::{PixelFilter, RgbImage};
-use rayburst_math::{Hit, Ray, RayCone, Sampler, glam::Vec3};
+use rayburst_math::{Hit, Ray, Sampler, glam::Vec3};
 use rayburst_scene::{AlphaFilter, Camera, FlatScene, LightSampler};
 use rayon::prelude::*;
 
 use crate::{
-    LightSampling, RenderSettings,
+    LightSampling, RayFootprint, RenderSettings,
     batch::EyeRay,
     dimensions::Vertex,
     estimator::{ROULETTE_DEPTH, survival},
-    footprint,
+    footprint::{Arrival, Turn},
     integrators::{ray_key, shadow_key},
     naive::trace_naive,
 };
@@ -45,7 +44,7 @@ pub struct Way {
     pdf: f32,
     /// Whether it has met nothing but perfect mirrors and glass.
     specular: bool,
-    cone: RayCone,
+    footprint: RayFootprint,
 }
 
 impl<'a> Reference<'a> {
@@ -81,7 +80,7 @@ impl<'a> Reference<'a> {
 
     /// The ray of one sample of one pixel, and the beginning of its way.
     pub fn eye_ray(&self, x: u32, y: u32, sample: u32) -> (Ray, Way) {
-        let EyeRay { ray, cone, sampler, key } =
+        let EyeRay { ray, footprint, sampler, key } =
             EyeRay::new(self.camera, self.settings, &self.filter, (x, y), sample);
         let way = Way {
             sampler,
@@ -90,7 +89,7 @@ impl<'a> Reference<'a> {
             throughput: Vec3::ONE,
             pdf: f32::INFINITY,
             specular: true,
-            cone,
+            footprint,
         };
         (ray, way)
     }
@@ -110,9 +109,9 @@ impl<'a> Reference<'a> {
     /// The radiance that a surface sends back along the ray that hit it.
     pub fn shade(&self, ray: &Ray, hit: &Hit, way: Way) -> Vec3 {
         let surface = self.scene.surface(hit);
-        let width = way.cone.width_at(hit.t);
+        let seen = way.footprint.at(ray, hit, &surface);
         let shading = self.settings.shading();
-        let point = self.scene.shading_point(&surface, -ray.direction, width, &shading);
+        let point = self.scene.shading_point(&surface, -ray.direction, seen, &shading);
         let mut radiance = point.emitted
             * self.weight(way.pdf, || {
                 self.lights.emitter_pdf(self.scene, hit, ray.origin, ray.direction)
@@ -153,12 +152,13 @@ impl<'a> Reference<'a> {
             }
             weight /= survival;
         }
+        let arrival = Arrival { scene: self.scene, ray, hit, surface: &surface };
         let next = Way {
             depth: way.depth + 1,
             throughput: way.throughput * weight,
             pdf: if sample.delta { f32::INFINITY } else { sample.pdf },
             specular: way.specular && sample.delta,
-            cone: footprint::of_sample(self.scene, hit, way.cone, &sample),
+            footprint: way.footprint.turned(&arrival, &Turn::of_sample(&point, &sample)),
             ..way
         };
         radiance + weight * self.trace(&Ray::new(surface.spawn(sample.wi), sample.wi), next)
@@ -175,11 +175,10 @@ impl<'a> Reference<'a> {
     }
 
     fn closest_hit(&self, ray: &Ray, key: u32) -> Hit {
-        let filter = AlphaFilter::new(self.scene, std::slice::from_ref(&key));
-        match (self.exhaustive, self.scene.is_opaque()) {
-            (true, _) => trace_naive(self.scene, ray, &filter),
-            (_, true) => self.scene.tlas.closest_hit(ray, &TraceOptions::default(), &AcceptAll),
-            (_, false) => self.scene.tlas.closest_hit(ray, &TraceOptions::default(), &filter),
+        if self.exhaustive {
+            let filter = AlphaFilter::new(self.scene, std::slice::from_ref(&key));
+            return trace_naive(self.scene, ray, &filter);
         }
+        self.scene.closest_hit(ray, (!self.scene.is_opaque()).then_some(key))
     }
 }

@@ -5,7 +5,6 @@
 //! and asks your closure for its radiance; the closure may trace further rays. It runs on all threads,
 //! one ray at a time: for speed there are batches, for understanding there is this.
 
-use rayburst_accel::{AcceptAll, TraceOptions};
 use rayburst_image::RgbImage;
 use rayburst_math::{
     Hit, Ray,
@@ -45,14 +44,14 @@ impl<'a> Tracer<'a> {
 
     /// The nearest hit of a ray, without shading it.
     pub fn hit(&self, ray: &Ray) -> Hit {
-        self.scene.tlas.closest_hit(ray, &TraceOptions::default(), &AcceptAll)
+        self.scene.closest_hit(ray, None)
     }
 
     /// Whether nothing lies between a surface and a point of space.
     pub fn sees(&self, surface: &Surface, point: Vec3) -> bool {
         let origin = surface.spawn(point - surface.position);
         let ray = Ray::with_interval(origin, point - origin, 0.0, 1.0);
-        !self.scene.tlas.any_hit(&ray, &TraceOptions::default(), &AcceptAll)
+        !self.scene.any_hit(&ray, None)
     }
 
     /// The material of a surface.

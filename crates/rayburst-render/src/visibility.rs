@@ -1,6 +1,5 @@
 //! Ray casting: can two points of space see each other (chapter 26.1)?
 
-use rayburst_accel::{AcceptAll, TraceOptions};
 use rayburst_math::{Ray, glam::Vec3};
 use rayburst_scene::FlatScene;
 
@@ -19,6 +18,6 @@ pub fn visible(scene: &FlatScene, pairs: &[(Vec3, Vec3)]) -> Vec<bool> {
         })
         .collect();
     let mut occluded = vec![false; rays.len()];
-    scene.tlas.any_hits(&rays, &mut occluded, &TraceOptions::default(), &AcceptAll);
+    scene.any_hits(&rays, None, &mut occluded);
     occluded.into_iter().map(|blocked| !blocked).collect()
 }

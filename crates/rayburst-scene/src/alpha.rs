@@ -4,6 +4,7 @@
 //! ray with the probability of its alpha. The random number is a hash of the ray's key and of what is
 //! hit, never of the order in which a structure visits candidates, so all structures agree.
 
+use glam::Vec2;
 use rayburst_accel::CandidateFilter;
 use rayburst_math::{Hit, Ray, hash};
 
@@ -20,15 +21,29 @@ impl FlatScene {
     }
 
     /// Alpha at a hit: the material's, its textures' and the vertices' multiplied; 1 for opaque
-    /// materials. Textures are taken at their finest level: coarser ones would thin out cut-outs.
+    /// materials. Textures are taken at their finest level.
+    #[inline]
     pub fn alpha(&self, hit: &Hit) -> f32 {
+        self.alpha_within(hit, [Vec2::ZERO; 2])
+    }
+
+    /// The same averaged over a footprint, given as steps of the hit's barycentric coordinates, see
+    /// [`crate::Surface::barycentric_change`]. Cut-outs do not get thinner with it: their textures' levels
+    /// keep the share that reaches the cutoff.
+    pub fn alpha_within(&self, hit: &Hit, steps: [Vec2; 2]) -> f32 {
         let (_, geometry) = self.records(hit);
         let Some(material) = self.materials.get(geometry.material as usize) else { return 1.0 };
         if material.alpha_mode() == AlphaMode::Opaque {
             return 1.0;
         }
         let mut alpha = material.base_color[3];
-        let lookup = |slot: &TextureSlot| self.texture(slot, self.uv_at(hit, slot.uv_set), 0.0);
+        let lookup = |slot: &TextureSlot| {
+            let uv = self.uv_at(hit, slot.uv_set);
+            match steps == [Vec2::ZERO; 2] {
+                true => self.texture(slot, uv, 0.0),
+                false => self.texture_within(slot, uv, self.uv_steps(hit, slot.uv_set, steps)),
+            }
+        };
         if material.base_color_texture.index().is_some() {
             alpha *= lookup(&material.base_color_texture).w;
         }
@@ -50,13 +65,21 @@ impl FlatScene {
     }
 
     /// The probability with which [`AlphaFilter`] stops a ray at a hit.
+    #[inline]
     pub fn coverage(&self, hit: &Hit) -> f32 {
+        self.coverage_within(hit, [Vec2::ZERO; 2])
+    }
+
+    /// The same for a footprint, see [`FlatScene::alpha_within`].
+    pub fn coverage_within(&self, hit: &Hit, steps: [Vec2; 2]) -> f32 {
         let (_, geometry) = self.records(hit);
         let Some(material) = self.materials.get(geometry.material as usize) else { return 1.0 };
         match material.alpha_mode() {
             AlphaMode::Opaque => 1.0,
-            AlphaMode::Mask => f32::from(u8::from(self.alpha(hit) >= material.alpha_cutoff)),
-            AlphaMode::Blend => self.alpha(hit).clamp(0.0, 1.0),
+            AlphaMode::Mask => {
+                f32::from(u8::from(self.alpha_within(hit, steps) >= material.alpha_cutoff))
+            }
+            AlphaMode::Blend => self.alpha_within(hit, steps).clamp(0.0, 1.0),
         }
     }
 }
@@ -96,7 +119,7 @@ impl CandidateFilter for AlphaFilter<'_> {
 mod tests {
     use std::sync::Arc;
 
-    use glam::{Vec2, Vec3, Vec4};
+    use glam::{Vec3, Vec4};
     use rayburst_accel::{BuildOptions, TraceOptions};
     use rayburst_image::{MipMap, TexelFormat, Texels};
     use rayburst_math::hash::Rng;
@@ -166,6 +189,50 @@ mod tests {
         // The cut-out's shadow is as large as the mask.
         let share = passing(&scene, None, 40_000);
         assert!((share - 0.5).abs() < 0.0125, "{share}");
+    }
+
+    /// A square of a texture with a hole in every other texel of every other row.
+    #[test]
+    fn wide_footprints_pass_what_narrow_ones_pass() {
+        let mut scene = Scene::default();
+        let hole = |i: u32| (i % 64).is_multiple_of(2) && (i / 64).is_multiple_of(2);
+        let data = (0..64 * 64).flat_map(|i| [200, 200, 200, if hole(i) { 0 } else { 255 }]);
+        let texels = Texels { width: 64, height: 64, channels: 4, data: data.collect() };
+        scene.images.push(Arc::new(MipMap::new(texels, TexelFormat::Srgb)));
+        scene.textures.push(Texture { minify: crate::FilterMode::Nearest, ..Texture::new(0) });
+        // Averages are three quarters everywhere: all or nothing without the levels for cut-outs.
+        for cutoff in [0.5, 0.9] {
+            let cut = material(AlphaMode::Mask, 1.0, TextureSlot::new(0));
+            scene.add_material("cut", Material { alpha_cutoff: cutoff, ..cut });
+        }
+        let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(Vec2::from);
+        for material in [0, 1] {
+            let primitive = Primitive {
+                positions: corners.iter().map(|p| p.extend(material as f32)).collect(),
+                indices: vec![[0, 1, 2]],
+                uvs: vec![corners.to_vec()],
+                material,
+                ..Primitive::default()
+            };
+            scene.add_mesh("triangle", vec![primitive]);
+        }
+        let flat = Flattener::new(&scene, BuildOptions::default()).at(&Pose::rest(&scene)).unwrap();
+        let mut rng = Rng::new(17);
+        for depth in [0.0, 1.0] {
+            for width in [2.0, 4.0, 8.0] {
+                let steps = [Vec2::X, Vec2::Y].map(|axis| axis * (width / 64.0));
+                let (mut passed, runs) = (0.0, 4000);
+                for _ in 0..runs {
+                    let p = 0.5 * rng.vec2();
+                    let ray = Ray::new(p.extend(depth - 0.5), Vec3::Z);
+                    let options = TraceOptions::default();
+                    let hit = flat.tlas.closest_hit(&ray, &options, &rayburst_accel::AcceptAll);
+                    passed += 1.0 - flat.coverage_within(&hit, steps);
+                }
+                let share = passed / runs as f32;
+                assert!((share - 0.25).abs() < 0.08, "{depth} {width}: {share}");
+            }
+        }
     }
 
     #[test]

@@ -10,7 +10,7 @@
 //! that of Cook, Porter, Carpenter: "Distributed Ray Tracing", SIGGRAPH 1984.
 
 use glam::{Affine3A, Mat3A, Vec2, Vec3};
-use rayburst_math::{Ray, RayCone, warp};
+use rayburst_math::{Ray, RayCone, RayDifferential, differential::of_normalized, warp};
 
 /// How directions map to pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -104,16 +104,48 @@ impl Camera {
             }
             Projection::Perspective { fov } => {
                 let s = p.x * r - p.y * u + v;
-                let cone = RayCone::of_pixel(fov, size.1);
-                if self.aperture <= 0.0 || self.focus <= 0.0 {
-                    return (Ray::new(self.eye(), s.normalize()), cone);
-                }
-                let disk = 0.5 * self.aperture * warp::concentric_disk(lens);
-                let offset = disk.x * r + disk.y * u;
+                let direction = s.normalize();
+                let cone = RayCone::of_pixel(fov, size.1).off_axis(direction.dot(v));
+                let Some(offset) = self.lens_offset(lens) else {
+                    return (Ray::new(self.eye(), direction), cone);
+                };
                 let direction = (self.focus * s - offset).normalize();
                 (Ray::new(self.eye() + offset, direction), cone)
             }
         }
+    }
+
+    /// How the ray of [`Camera::ray`] changes from pixel to pixel.
+    pub fn ray_differential(&self, pixel: Vec2, size: (u32, u32), lens: Vec2) -> RayDifferential {
+        let [r, u, v] = self.frame();
+        let half = self.half_extent(size);
+        let step = 2.0 * half / Vec2::new(size.0 as f32, size.1 as f32);
+        let (dx, dy) = (step.x * r, -step.y * u);
+        if let Projection::Orthographic { .. } = self.projection {
+            return RayDifferential { origin_dx: dx, origin_dy: dy, ..RayDifferential::default() };
+        }
+        let p = step * pixel - half;
+        let s = p.x * r - p.y * u + v;
+        let (towards, scale) = match self.lens_offset(lens) {
+            None => (s, 1.0),
+            Some(offset) => (self.focus * s - offset, self.focus),
+        };
+        RayDifferential {
+            direction_dx: of_normalized(towards, scale * dx),
+            direction_dy: of_normalized(towards, scale * dy),
+            ..RayDifferential::default()
+        }
+    }
+
+    /// Where a ray leaves the lens, from its middle; `None` for a pinhole.
+    #[inline]
+    fn lens_offset(&self, lens: Vec2) -> Option<Vec3> {
+        if self.aperture <= 0.0 || self.focus <= 0.0 {
+            return None;
+        }
+        let [r, u, _] = self.frame();
+        let disk = 0.5 * self.aperture * warp::concentric_disk(lens);
+        Some(disk.x * r + disk.y * u)
     }
 
     /// Where the picture shows a point of the world, in pixels, and the point's depth along **v**;
@@ -165,6 +197,42 @@ mod tests {
         let (first, _) = camera.ray(Vec2::splat(0.5), SIZE, Vec2::ZERO);
         assert!(first.direction.dot(u) > 0.0 && first.direction.dot(r) < 0.0);
         assert!((first.direction.length() - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn differentials_and_cones_are_those_of_neighbouring_pixels() {
+        let perspective = camera();
+        let parallel =
+            Camera { projection: Projection::Orthographic { half_height: 2.5 }, ..perspective };
+        let thin_lens = Camera { aperture: 0.3, focus: 4.0, ..perspective };
+        let mut rng = Rng::new(13);
+        for camera in [perspective, parallel, thin_lens] {
+            for _ in 0..500 {
+                let pixel = rng.vec2() * Vec2::new(640.0, 360.0);
+                let lens = rng.vec2();
+                let ours = camera.ray_differential(pixel, SIZE, lens);
+                let ray = |x: f32, y: f32| camera.ray(pixel + Vec2::new(x, y), SIZE, lens).0;
+                let [right, left] = [ray(0.5, 0.0), ray(-0.5, 0.0)];
+                let [below, above] = [ray(0.0, 0.5), ray(0.0, -0.5)];
+                for (ours, finite) in [
+                    (ours.origin_dx, right.origin - left.origin),
+                    (ours.origin_dy, below.origin - above.origin),
+                    (ours.direction_dx, right.direction - left.direction),
+                    (ours.direction_dy, below.direction - above.direction),
+                ] {
+                    let error = (ours - finite).length();
+                    assert!(error < 2e-6 + 1e-3 * finite.length(), "{ours} {finite}");
+                }
+                // The cone has the pixel's solid angle, or its area.
+                let (_, cone) = camera.ray(pixel, SIZE, lens);
+                if camera.aperture == 0.0 {
+                    let angle = ours.direction_dx.cross(ours.direction_dy).length().sqrt();
+                    assert!((cone.spread - angle).abs() < 1e-2 * angle.max(1e-6), "{cone:?}");
+                    let width = ours.origin_dx.cross(ours.origin_dy).length().sqrt();
+                    assert!((cone.width - width).abs() < 1e-5);
+                }
+            }
+        }
     }
 
     #[test]

@@ -17,7 +17,9 @@ use rayburst_image::MipMap;
 use rayburst_math::Aabb;
 
 use crate::{
-    AlphaMode, Environment, Light, LightKind, Material, Pose, Primitive, Scene, Texture, deform,
+    AlphaMode, Environment, Light, LightKind, Material, Pose, Primitive, Scene, Texture,
+    cutouts::{self, Shading},
+    deform,
 };
 
 /// A scene at one instant, ready to be traced and shaded.
@@ -149,10 +151,16 @@ impl<'a> Flattener<'a> {
                 Some(_) => Placement::Baked,
             })
             .collect();
+        let mut shading = Shading {
+            materials: scene.materials.clone(),
+            textures: scene.textures.clone(),
+            images: scene.images.clone(),
+        };
+        cutouts::keep_coverage(&mut shading);
         let shared = Shared {
-            materials: scene.materials.as_slice().into(),
-            textures: scene.textures.as_slice().into(),
-            images: scene.images.as_slice().into(),
+            materials: shading.materials.into(),
+            textures: shading.textures.into(),
+            images: shading.images.into(),
         };
         Self {
             scene,
@@ -530,7 +538,7 @@ mod tests {
                     .transform_vector3(Vec3::X)
                     .cross(transform.transform_vector3(Vec3::Y))
                     .length();
-                assert!((surface.uv_density[0] * area - 1.0).abs() < 1e-4);
+                assert!((surface.uv_density(0) * area - 1.0).abs() < 1e-4);
             }
             assert_eq!(surfaces[0].0.front, surfaces[1].0.front);
         }

@@ -67,6 +67,13 @@ impl TextureSlot {
         Vec2::new(a[0] * uv.x + a[1] * uv.y + a[2], b[0] * uv.x + b[1] * uv.y + b[2])
     }
 
+    /// A step in UVs after the slot's transform.
+    #[inline]
+    pub fn apply_vector(&self, step: Vec2) -> Vec2 {
+        let [a, b] = self.transform;
+        Vec2::new(a[0] * step.x + a[1] * step.y, b[0] * step.x + b[1] * step.y)
+    }
+
     /// Absolute determinant of the transform: how much it scales UV areas.
     #[inline]
     pub fn area_scale(&self) -> f32 {

@@ -11,7 +11,7 @@ use glam::{Vec2, Vec3};
 use rayburst_math::Frame;
 
 use crate::{
-    Bsdf, BsdfSample, FlatScene, Material, ShadingModel, Surface, TextureSlot,
+    Bsdf, BsdfSample, FlatScene, Footprint, Material, ShadingModel, Surface, TextureSlot,
     texture_lookup::TextureLod,
 };
 
@@ -63,31 +63,35 @@ impl ShadingPoint {
     }
 }
 
-/// Least cosine that footprints are stretched by.
-const GRAZING: f32 = 0.05;
-
 impl FlatScene {
-    /// The material at a surface as seen from the unit direction `wo`. `cone_width` is the diameter
-    /// of the ray's cone at the surface, world units.
-    ///
-    /// The footprint on the surface is the cone's section; textures are averaged over a square of the
-    /// same area, which blurs grazing views less than one of the section's length would.
+    /// The material at a surface as seen from the unit direction `wo`. Textures are averaged over the
+    /// footprint, unless the options say otherwise.
     pub fn shading_point(
         &self,
         surface: &Surface,
         wo: Vec3,
-        cone_width: f32,
+        footprint: Footprint,
         options: &ShadingOptions,
     ) -> ShadingPoint {
         let material = &self.materials[surface.material as usize];
-        let facing = surface.geometric_normal.dot(wo).abs();
-        let stretch = match options.lod {
-            TextureLod::Mip0 => 0.0,
-            TextureLod::Cones => cone_width / facing.max(GRAZING).sqrt(),
+        let textured = [
+            &material.base_color_texture,
+            &material.metallic_roughness_texture,
+            &material.emissive_texture,
+            &material.normal_texture,
+        ];
+        let filtered = options.lod != TextureLod::Mip0
+            && footprint != Footprint::NONE
+            && textured.iter().any(|slot| slot.index().is_some());
+        let steps = if filtered {
+            surface.barycentric_change(footprint.on(surface, wo))
+        } else {
+            [Vec2::ZERO; 2]
         };
         let lookup = |slot: &TextureSlot| {
             let set = slot.uv_set.min(1) as usize;
-            self.texture(slot, surface.uv[set], stretch * surface.uv_density[set].sqrt())
+            let axes = steps.map(|weights| surface.uv_change(set, weights));
+            self.texture_within(slot, surface.uv[set], axes)
         };
 
         let [r, g, b, _] = material.base_color;
@@ -213,7 +217,8 @@ mod tests {
             shading_normal: Vec3::Z,
             tangent: Vec3::X.extend(1.0),
             uv: [Vec2::ZERO; 2],
-            uv_density: [1.0; 2],
+            edges: [Vec3::X, Vec3::Y],
+            uv_edges: [[Vec2::X, Vec2::Y]; 2],
             color: glam::Vec4::ONE,
             material: 0,
             node: 0,
@@ -239,17 +244,26 @@ mod tests {
         let at = |width: f32, lod| {
             let on_texel = Surface { uv: [Vec2::splat(0.5 / 64.0); 2], ..surface() };
             let options = ShadingOptions { lod, ..ShadingOptions::default() };
-            scene.shading_point(&on_texel, Vec3::Z, width, &options).base_color.x
+            let footprint = Footprint::cone(width);
+            scene.shading_point(&on_texel, Vec3::Z, footprint, &options).base_color.x
         };
         assert_eq!(at(0.0, TextureLod::Cones), 1.0);
         assert_eq!(at(1.0 / 64.0, TextureLod::Cones), 1.0);
         assert!((at(2.0 / 64.0, TextureLod::Cones) - 0.5).abs() < 0.01);
         assert_eq!(at(2.0 / 64.0, TextureLod::Mip0), 1.0);
         // Four times the area of the texture in the world: a footprint half as wide on it.
-        let stretched =
-            Surface { uv: [Vec2::splat(0.5 / 64.0); 2], uv_density: [0.25; 2], ..surface() };
-        let point =
-            scene.shading_point(&stretched, Vec3::Z, 2.0 / 64.0, &ShadingOptions::default());
+        let stretched = Surface {
+            uv: [Vec2::splat(0.5 / 64.0); 2],
+            edges: [2.0 * Vec3::X, 2.0 * Vec3::Y],
+            ..surface()
+        };
+        let options = ShadingOptions::default();
+        let footprint = Footprint::cone(2.0 / 64.0);
+        let point = scene.shading_point(&stretched, Vec3::Z, footprint, &options);
+        assert_eq!(point.base_color.x, 1.0);
+        // A parallelogram of the same size says the same.
+        let footprint = Footprint::axes(Vec3::X / 32.0, Vec3::Y / 32.0);
+        let point = scene.shading_point(&stretched, Vec3::Z, footprint, &options);
         assert_eq!(point.base_color.x, 1.0);
     }
 
@@ -259,15 +273,18 @@ mod tests {
         let back = Surface { front: false, ..surface() };
         let one_sided = Material { flags: 0, ..Material::emitter(Vec3::splat(3.0)) };
         let scene = scene_of(one_sided);
-        assert_eq!(scene.shading_point(&surface(), Vec3::Z, 0.0, &options).emitted.x, 3.0);
-        assert_eq!(scene.shading_point(&back, -Vec3::Z, 0.0, &options).emitted.x, 0.0);
+        assert_eq!(
+            scene.shading_point(&surface(), Vec3::Z, Footprint::NONE, &options).emitted.x,
+            3.0
+        );
+        assert_eq!(scene.shading_point(&back, -Vec3::Z, Footprint::NONE, &options).emitted.x, 0.0);
         let scene = scene_of(Material::emitter(Vec3::splat(3.0)));
-        assert_eq!(scene.shading_point(&back, -Vec3::Z, 0.0, &options).emitted.x, 3.0);
+        assert_eq!(scene.shading_point(&back, -Vec3::Z, Footprint::NONE, &options).emitted.x, 3.0);
 
         let scene = scene_of(Material::glass(1.5));
         let oblique = Vec3::new(0.6, 0.0, 0.8);
         for (surface, wo, eta) in [(surface(), oblique, 1.0 / 1.5), (back, -oblique, 1.5)] {
-            let point = scene.shading_point(&surface, wo, 0.0, &options);
+            let point = scene.shading_point(&surface, wo, Footprint::NONE, &options);
             assert!(point.frame.normal.dot(wo) > 0.0);
             let path = point.bsdf.specular_refraction(point.frame.to_local(wo)).unwrap();
             let wi = point.frame.to_world(path.wi);
@@ -281,8 +298,12 @@ mod tests {
             model: ShadingModel::Unlit as u32,
             ..Material::diffuse(Vec3::new(0.1, 0.2, 0.3))
         };
-        let point =
-            scene_of(unlit).shading_point(&surface(), Vec3::Z, 0.0, &ShadingOptions::default());
+        let point = scene_of(unlit).shading_point(
+            &surface(),
+            Vec3::Z,
+            Footprint::NONE,
+            &ShadingOptions::default(),
+        );
         assert_eq!(point.emitted, Vec3::new(0.1, 0.2, 0.3));
         assert!(point.bsdf.is_delta() && point.sample(Vec3::Z, Vec3::splat(0.5)).is_none());
     }
@@ -296,7 +317,7 @@ mod tests {
             ..surface()
         };
         let wo = Vec3::new(-0.48, 0.6, 0.64);
-        let point = scene.shading_point(&tilted, wo, 0.0, &ShadingOptions::default());
+        let point = scene.shading_point(&tilted, wo, Footprint::NONE, &ShadingOptions::default());
         let mut rng = Rng::new(4);
         for _ in 0..1000 {
             let Some(s) = point.sample(wo, rng.vec3()) else { continue };

@@ -23,8 +23,10 @@ pub struct Surface {
     pub tangent: Vec4,
     /// The first two UV sets; a missing second set repeats the first.
     pub uv: [Vec2; 2],
-    /// Area of the triangle in each UV set divided by its area in the world.
-    pub uv_density: [f32; 2],
+    /// Edges of the triangle from its first corner to the others.
+    pub edges: [Vec3; 2],
+    /// The same edges in each UV set.
+    pub uv_edges: [[Vec2; 2]; 2],
     /// Linear vertex colour.
     pub color: Vec4,
     /// Index of the material.
@@ -115,13 +117,12 @@ impl FlatScene {
         let p = corner.map(|i| geometry.transform.transform_point3(primitive.positions[i]));
         let mut position = weights.x * p[0] + weights.y * p[1] + weights.z * p[2];
         let mut error = interpolation_error(p[0], p[1], p[2], hit.u, hit.v);
-        let edges = [p[1] - p[0], p[2] - p[0]];
+        let mut edges = [p[1] - p[0], p[2] - p[0]];
         let mut area_vector = edges[0].cross(edges[1]);
         if geometry.mirrored {
             area_vector = -area_vector;
         }
-        let mut area = area_vector.length();
-        error += Vec3::splat(intersection_error(edges, area));
+        error += Vec3::splat(intersection_error(edges, area_vector.length()));
         let mut geometric_normal = unit_cross(area_vector, edges);
 
         let flat = primitive.normals.as_ref().map_or(geometric_normal, |normals| {
@@ -151,8 +152,7 @@ impl FlatScene {
             error = Vec3::from(abs * glam::Vec3A::from(error)) * (1.0 + gamma(3))
                 + gamma(4) * magnitude;
             position = m.transform_point3(position);
-            let w = [m.transform_vector3(edges[0]), m.transform_vector3(edges[1])];
-            area = w[0].cross(w[1]).length();
+            edges = edges.map(|e| m.transform_vector3(e));
             geometric_normal = (instance.normal_to_world * geometric_normal).normalize_or(Vec3::Y);
             shading_normal =
                 (instance.normal_to_world * shading_normal).normalize_or(geometric_normal);
@@ -165,16 +165,15 @@ impl FlatScene {
         }
 
         let mut uv = [Vec2::ZERO; 2];
-        let mut uv_density = [0.0; 2];
+        let mut uv_edges = [[Vec2::ZERO; 2]; 2];
         for (set, uvs) in primitive.uvs.iter().take(2).enumerate() {
             let c = corner.map(|i| uvs[i]);
             uv[set] = weights.x * c[0] + weights.y * c[1] + weights.z * c[2];
-            let uv_area = (c[1] - c[0]).perp_dot(c[2] - c[0]).abs();
-            uv_density[set] = if area > 0.0 { uv_area / area } else { 0.0 };
+            uv_edges[set] = [c[1] - c[0], c[2] - c[0]];
         }
         if primitive.uvs.len() == 1 {
             uv[1] = uv[0];
-            uv_density[1] = uv_density[0];
+            uv_edges[1] = uv_edges[0];
         }
         let color = primitive.colors.as_ref().map_or(Vec4::ONE, |colors| {
             weights.x * colors[corner[0]]
@@ -188,7 +187,8 @@ impl FlatScene {
             shading_normal,
             tangent,
             uv,
-            uv_density,
+            edges,
+            uv_edges,
             color,
             material: geometry.material,
             node: geometry.node,

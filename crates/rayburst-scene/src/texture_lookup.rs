@@ -8,21 +8,31 @@
 use glam::{Vec2, Vec4};
 use rayburst_image::MipMap;
 
-use crate::{FilterMode, FlatScene, Texture, TextureSlot, WrapMode};
+use crate::{
+    FilterMode, FlatScene, Texture, TextureSlot, WrapMode, texture_ellipse::lookup_ellipse,
+};
 
 /// How the mip level of texture lookups is found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum TextureLod {
     /// Always the finest level; many samples a pixel are the only filter.
     Mip0,
-    /// From the width of the ray's cone where it meets the surface.
+    /// From the ellipse in which the ray's cone cuts the surface.
     #[default]
     Cones,
+    /// From the parallelogram on the surface that the ray's differential spans.
+    Differentials,
 }
 
 impl TextureLod {
     /// All modes with the names users type.
-    pub const ALL: [(&'static str, Self); 2] = [("mip0", Self::Mip0), ("cones", Self::Cones)];
+    pub const ALL: [(&'static str, Self); 3] =
+        [("mip0", Self::Mip0), ("cones", Self::Cones), ("differentials", Self::Differentials)];
+
+    /// The name that users type.
+    pub fn name(self) -> &'static str {
+        Self::ALL.iter().find(|(_, lod)| *lod == self).map_or("", |(name, _)| name)
+    }
 }
 
 impl FlatScene {
@@ -32,7 +42,17 @@ impl FlatScene {
     #[inline]
     pub fn texture(&self, slot: &TextureSlot, uv: Vec2, footprint: f32) -> Vec4 {
         let Some((texture, image)) = self.texture_image(slot) else { return Vec4::ONE };
-        lookup(texture, image, slot.apply(uv), footprint * slot.area_scale().sqrt())
+        let width = footprint * slot.area_scale().sqrt();
+        let texels = width * (image.width() as f32 * image.height() as f32).sqrt();
+        trilinear(texture, image, slot.apply(uv), texels)
+    }
+
+    /// The same averaged over the parallelogram of two vectors around `uv`, in units of `uv`, by
+    /// several taps if it is long.
+    #[inline]
+    pub fn texture_within(&self, slot: &TextureSlot, uv: Vec2, axes: [Vec2; 2]) -> Vec4 {
+        let Some((texture, image)) = self.texture_image(slot) else { return Vec4::ONE };
+        lookup_ellipse(texture, image, slot.apply(uv), axes.map(|axis| slot.apply_vector(axis)))
     }
 
     /// The mean of a slot's texture; white when it has none.
@@ -49,9 +69,9 @@ impl FlatScene {
     }
 }
 
-/// A texture at `uv`, after any transform, for a footprint of the width `footprint` in UV units.
-pub(crate) fn lookup(texture: &Texture, image: &MipMap, uv: Vec2, footprint: f32) -> Vec4 {
-    let texels = footprint * (image.width() as f32 * image.height() as f32).sqrt();
+/// A texture at `uv`, after any transform, for a square footprint that is `texels` of the finest level
+/// wide.
+pub(crate) fn trilinear(texture: &Texture, image: &MipMap, uv: Vec2, texels: f32) -> Vec4 {
     if texels <= 1.0 || texels.is_nan() {
         return filtered(texture, image, 0, uv, texture.magnify);
     }
@@ -137,6 +157,11 @@ mod tests {
     use rayburst_image::{TexelFormat, Texels};
 
     use super::*;
+
+    fn lookup(texture: &Texture, image: &MipMap, uv: Vec2, footprint: f32) -> Vec4 {
+        let texels = footprint * (image.width() as f32 * image.height() as f32).sqrt();
+        trilinear(texture, image, uv, texels)
+    }
 
     fn image(width: u32, height: u32, channels: u8, data: Vec<u8>) -> MipMap {
         MipMap::new(Texels { width, height, channels, data }, TexelFormat::Linear)

@@ -2,7 +2,10 @@
 //!
 //! After Heckbert: "A Minimal Ray Tracer", Graphics Gems IV, 1994, whose program fits on one.
 
-use rayburst::{prelude::*, scene::ShadingOptions, scene::builtin};
+use rayburst::{
+    prelude::*,
+    scene::{Footprint, ShadingOptions, builtin},
+};
 
 mod common;
 
@@ -15,7 +18,12 @@ fn main() -> common::Result<()> {
     let large = (4 * size.0, 4 * size.1);
     let radiance = ray_trace_image(&scene, &camera, large, 8, |tracer, ray, surface| {
         let Some(surface) = surface else { return scene.environment.radiance(ray.direction) };
-        let point = scene.shading_point(surface, -ray.direction, 0.0, &ShadingOptions::default());
+        let point = scene.shading_point(
+            surface,
+            -ray.direction,
+            Footprint::NONE,
+            &ShadingOptions::default(),
+        );
         let (mut color, wo) =
             (0.1 * 400.0 * point.base_color, point.frame.to_local(-ray.direction));
         for lamp in &scene.lights {

@@ -7,7 +7,7 @@ use rayburst::{
     math::{Sampler, hash},
     pipeline::AnyHit,
     prelude::*,
-    scene::{LightSampler, ShadingOptions, TextureLod, builtin},
+    scene::{Footprint, LightSampler, ShadingOptions, builtin},
 };
 
 mod common;
@@ -79,12 +79,12 @@ pub(crate) fn render(scene: &Scene, size: (u32, u32), samples: u32) -> Result<Rg
     table.miss("nothing in between", |_, shadow: &mut Shadow| shadow.lit = true);
     // ANCHOR_END: misses
 
-    let options = ShadingOptions { lod: TextureLod::Mip0, ..ShadingOptions::default() };
+    let options = ShadingOptions::default();
     let surface = HitGroup::triangles("surface")
         .closest_hit(|hit, path: &mut Path| {
             let ray = hit.world_ray();
             let (surface, wo) = (flat.surface(hit.hit()), -ray.direction);
-            let point = flat.shading_point(&surface, wo, 0.0, &options);
+            let point = flat.shading_point(&surface, wo, Footprint::NONE, &options);
             let (sampler, first) = (path.sampler, 4 + 8 * (path.depth - 1));
 
             // ANCHOR: met

@@ -4,7 +4,7 @@
 
 use rayburst::{
     prelude::*,
-    scene::{LightSampler, ShadingOptions, ShadingPoint, TextureLod, builtin},
+    scene::{Footprint, LightSampler, ShadingOptions, ShadingPoint, builtin},
 };
 
 mod common;
@@ -75,11 +75,11 @@ pub(crate) fn render(scene: &Scene, size: (u32, u32), samples: u32) -> Result<Rg
     // ANCHOR_END: direct
 
     // ANCHOR: closest
-    let options = ShadingOptions { lod: TextureLod::Mip0, ..ShadingOptions::default() };
+    let options = ShadingOptions::default();
     let group = HitGroup::triangles("surface").closest_hit(|hit, light: &mut Light| {
         let surface = flat.surface(hit.hit());
         let towards_eye = -hit.world_ray().direction;
-        let point = flat.shading_point(&surface, towards_eye, 0.0, &options);
+        let point = flat.shading_point(&surface, towards_eye, Footprint::NONE, &options);
         light.radiance = point.emitted;
         if light.depth >= MAX_DEPTH {
             return;

@@ -48,7 +48,7 @@ pub(crate) struct QualityArgs {
     #[arg(long, value_name = "NAME", value_parser = values::choice(&FilterKind::ALL))]
     pub(crate) filter: Option<FilterKind>,
     /// How textures choose their mip level
-    #[arg(long, value_name = "NAME", default_value = "cones",
+    #[arg(long, value_name = "NAME", default_value = TextureLod::default().name(),
           value_parser = values::choice(&TextureLod::ALL))]
     pub(crate) texture_lod: TextureLod,
 }

@@ -13,6 +13,7 @@ mod sample_series;
 mod secondary_rays;
 mod slice;
 mod symbols;
+mod texture_filtering;
 mod trace_and_shade;
 mod two_levels;
 mod two_paths;
@@ -62,6 +63,7 @@ pub(crate) const FIGURES: &[(&str, Figure)] = &[
     figure("26.7", "the interval of a ray, and hits in it", ray_interval::draw),
     figure("26.8", "instances that share a bottom level", two_levels::draw),
     figure("26.16", "secondary rays that stay together and that do not", coherent_rays::draw),
+    figure("26.23", "textures by mip 0, ray cones and ray differentials", texture_filtering::draw),
     figure("26.24", "depth of field by a thin lens", depth_of_field::draw),
 ];
 

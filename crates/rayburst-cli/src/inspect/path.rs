@@ -5,8 +5,11 @@ use rayburst::{
     accel::{Counters, TraceOptions},
     glam::{Vec2, Vec3},
     image::PixelFilter,
-    math::{Hit, Ray, RayCone, Sampler, hash},
-    render::RenderSettings,
+    math::{Hit, Ray, Sampler, hash},
+    render::{
+        RayFootprint, RenderSettings,
+        footprint::{Arrival, Turn},
+    },
     scene::{
         AlphaFilter, BsdfSample, Camera, FlatScene, LightSample, LightSampler, ShadingOptions,
         Surface,
@@ -96,18 +99,21 @@ impl<'a> Tracer<'a> {
         let sampler = Sampler::new(self.settings.sampler, self.settings.seed, pixel, sample);
         let key = hash::words(&[self.settings.seed, pixel, sample]);
         let at = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + self.filter.sample(sampler.get_2d(0));
-        let (mut ray, mut cone) = self.camera.ray(at, (width, height), sampler.get_2d(2));
+        let (size, lens) = ((width, height), sampler.get_2d(2));
+        let (mut ray, cone) = self.camera.ray(at, size, lens);
+        let lod = self.settings.texture_lod;
+        let mut footprint = RayFootprint::of_eye(lod, self.camera, at, size, lens, cone);
         let mut state =
             State { sampler, key, throughput: Vec3::ONE, pdf: f32::INFINITY, specular: true };
         let mut radiance = Vec3::ZERO;
         let mut vertices = Vec::new();
         for depth in 1..=self.settings.max_depth {
             let segment = self.trace(&ray, hash::combine(key, depth));
-            let (vertex, next) = self.vertex(depth, segment, cone, &mut state);
+            let (vertex, next) = self.vertex(depth, segment, &footprint, &mut state);
             radiance += vertex.met_adds + vertex.lookup.map_or(Vec3::ZERO, |l| l.adds);
             vertices.push(vertex);
             match next {
-                Some(next) => (ray, cone) = next,
+                Some(next) => (ray, footprint) = next,
                 None => break,
             }
         }
@@ -127,9 +133,9 @@ impl<'a> Tracer<'a> {
         &self,
         depth: u32,
         segment: Segment,
-        cone: RayCone,
+        footprint: &RayFootprint,
         state: &mut State,
-    ) -> (Vertex, Option<(Ray, RayCone)>) {
+    ) -> (Vertex, Option<(Ray, RayFootprint)>) {
         let mut vertex = Vertex {
             depth,
             segment,
@@ -160,8 +166,8 @@ impl<'a> Tracer<'a> {
         }
         let surface = self.scene.surface(&hit);
         let wo = -ray.direction;
-        let width = cone.width_at(hit.t);
-        let point = self.scene.shading_point(&surface, wo, width, &self.shading);
+        let seen = footprint.at(&ray, &hit, &surface);
+        let point = self.scene.shading_point(&surface, wo, seen, &self.shading);
         vertex.place = Some(Place {
             surface,
             base_color: point.base_color,
@@ -213,7 +219,9 @@ impl<'a> Tracer<'a> {
         state.specular &= turn.delta;
         vertex.throughput = state.throughput;
         let next = Ray::new(surface.spawn(turn.wi), turn.wi);
-        (vertex, Some((next, cone.propagate(hit.t, turn.spread))))
+        let arrival = Arrival { scene: self.scene, ray: &ray, hit: &hit, surface: &surface };
+        let footprint = footprint.turned(&arrival, &Turn::of_sample(&point, &turn));
+        (vertex, Some((next, footprint)))
     }
 }
 

@@ -115,7 +115,7 @@ impl Codec {
         Plane { width, height, channels: self.channels, values }
     }
 
-    pub(super) fn encode(&self, plane: &Plane) -> Box<[u8]> {
+    pub(super) fn encode(&self, plane: &Plane) -> Vec<u8> {
         let colours = self.colours();
         let mut bytes = Vec::with_capacity(plane.values.len());
         for texel in plane.values.chunks_exact(self.channels) {
@@ -131,6 +131,6 @@ impl Codec {
                 bytes.push((texel[colours] * 255.0 + 0.5) as u8);
             }
         }
-        bytes.into_boxed_slice()
+        bytes
     }
 }

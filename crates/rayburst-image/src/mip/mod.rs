@@ -5,10 +5,13 @@
 //! edges. Averages are taken of linear values; colour of sRGB textures with alpha is weighted by
 //! alpha, so that what lies hidden under transparent texels does not bleed out.
 
+mod coverage;
 mod downsample;
 mod environment;
 
 pub use environment::RgbPyramid;
+
+use std::sync::Arc;
 
 use crate::colour::{linear_table, srgb_table};
 use crate::texture::Texels;
@@ -29,7 +32,7 @@ pub struct MipLevel {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    data: Box<[u8]>,
+    data: Arc<[u8]>,
 }
 
 /// A texture with all its levels, in as many bytes a texel as it has channels.
@@ -61,11 +64,11 @@ impl MipMap {
         levels.push(MipLevel {
             width: texels.width,
             height: texels.height,
-            data: texels.data.into_boxed_slice(),
+            data: texels.data.into(),
         });
         while last.width > 1 || last.height > 1 {
             last = last.half();
-            let data = codec.encode(&last);
+            let data = codec.encode(&last).into();
             levels.push(MipLevel { width: last.width, height: last.height, data });
         }
         Self { levels, channels, format, decode }

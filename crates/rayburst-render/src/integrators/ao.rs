@@ -24,7 +24,7 @@ pub(super) fn integrate(context: &Context<'_>, batch: &mut Batch, queues: &mut Q
             continue;
         }
         if let Some(features) = batch.features.get_mut(slot) {
-            *features = Features::of_hit(context, ray, hit, current.paths[slot].cone);
+            *features = Features::of_hit(context, ray, hit, &current.footprints.get(slot));
         }
         let surface = context.scene.surface(hit);
         let up = surface.normal_towards(-ray.direction);

@@ -61,8 +61,8 @@ pub(super) fn integrate(
     for slot in 0..batch.len() {
         let hit = queue.hits[slot];
         let features = hit.is_hit().then(|| {
-            let cone = queue.paths[slot].cone;
-            Features::of_hit(context, &queue.rays[slot], &hit, cone)
+            let footprint = queue.footprints.get(slot);
+            Features::of_hit(context, &queue.rays[slot], &hit, &footprint)
         });
         batch.radiance[slot] = match (view, &features) {
             (View::NodesVisited, _) => Vec3::splat(counts.0[slot].nodes as f32),

@@ -13,7 +13,8 @@ use crate::{
     Features,
     batch::{Batch, Context},
     dimensions::Vertex,
-    estimator, footprint,
+    estimator,
+    footprint::{Arrival, Turn},
 };
 
 /// How far light may travel.
@@ -79,8 +80,9 @@ fn vertex(
     }
     let surface = scene.surface(hit);
     let wo = -ray.direction;
-    let width = path.cone.width_at(hit.t);
-    let point = scene.shading_point(&surface, wo, width, &settings.shading());
+    let footprint = current.footprints.get(i);
+    let seen = footprint.at(ray, hit, &surface);
+    let point = scene.shading_point(&surface, wo, seen, &settings.shading());
     if depth == 1
         && let Some(features) = batch.features.get_mut(slot)
     {
@@ -131,9 +133,10 @@ fn vertex(
     let state = PathState {
         throughput,
         slot: path.slot,
-        cone: footprint::of_sample(scene, hit, path.cone, &sample),
         pdf: if sample.delta { f32::INFINITY } else { sample.pdf },
         specular: path.specular && sample.delta,
     };
-    next.push(Ray::new(origin, sample.wi), state, ray_key(batch.keys[slot], depth + 1));
+    let arrival = Arrival { scene, ray, hit, surface: &surface };
+    let footprint = footprint.turned(&arrival, &Turn::of_sample(&point, &sample));
+    next.push(Ray::new(origin, sample.wi), state, &footprint, ray_key(batch.keys[slot], depth + 1));
 }

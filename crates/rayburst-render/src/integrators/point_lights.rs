@@ -11,7 +11,7 @@ use rayburst_math::{
     Hit, HitKind,
     glam::{Vec2, Vec3},
 };
-use rayburst_scene::{Arrival, Environment, FlatScene, Light, ShadingOptions};
+use rayburst_scene::{Arrival, Environment, FlatScene, Footprint, Light, ShadingOptions};
 
 /// The most emitting meshes that become lights; the brightest, scaled to the power of all.
 const MAX_EMITTERS: usize = 16;
@@ -104,7 +104,9 @@ impl Emitter {
             let surface = scene.surface(&hit);
             let normal = vector / own;
             let options = ShadingOptions::default();
-            let emitted = scene.shading_point(&surface, normal, own.sqrt(), &options).emitted;
+            let emitted = scene
+                .shading_point(&surface, normal, Footprint::cone(own.sqrt()), &options)
+                .emitted;
             area += own;
             area_vector += vector;
             centre += own * triangle.points.iter().sum::<Vec3>() * third;

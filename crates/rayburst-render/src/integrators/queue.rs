@@ -1,10 +1,13 @@
 //! Queues of rays in flight: the current generation, the next one, and shadow rays.
 
-use rayburst_accel::{AcceptAll, Counters, TraceOptions};
-use rayburst_math::{Hit, Ray, RayCone, glam::Vec3, hash};
-use rayburst_scene::AlphaFilter;
+use rayburst_accel::Counters;
+use rayburst_math::{Hit, Ray, glam::Vec3, hash};
 
-use crate::batch::{Batch, Context};
+use crate::{
+    RayFootprint,
+    batch::{Batch, Context},
+    footprint::Footprints,
+};
 
 /// What a path carries from vertex to vertex.
 #[derive(Clone, Copy, Debug)]
@@ -13,8 +16,6 @@ pub(crate) struct PathState {
     pub(crate) throughput: Vec3,
     /// The batch's slot that it adds to.
     pub(crate) slot: u32,
-    /// Footprint at the ray's origin.
-    pub(crate) cone: RayCone,
     /// Density, with respect to solid angle, with which the ray's direction was chosen; infinite if
     /// there was no choice (eye rays, mirrors).
     pub(crate) pdf: f32,
@@ -27,6 +28,7 @@ pub(crate) struct PathState {
 pub(crate) struct Queue {
     pub(crate) rays: Vec<Ray>,
     pub(crate) paths: Vec<PathState>,
+    pub(crate) footprints: Footprints,
     /// Roots of the alpha decisions, one a ray.
     pub(crate) keys: Vec<u32>,
     pub(crate) hits: Vec<Hit>,
@@ -44,12 +46,14 @@ impl Queue {
     pub(crate) fn clear(&mut self) {
         self.rays.clear();
         self.paths.clear();
+        self.footprints.clear();
         self.keys.clear();
     }
 
-    pub(crate) fn push(&mut self, ray: Ray, path: PathState, key: u32) {
+    pub(crate) fn push(&mut self, ray: Ray, path: PathState, footprint: &RayFootprint, key: u32) {
         self.rays.push(ray);
         self.paths.push(path);
+        self.footprints.push(footprint);
         self.keys.push(key);
     }
 
@@ -60,11 +64,11 @@ impl Queue {
             let path = PathState {
                 throughput: Vec3::ONE,
                 slot: slot as u32,
-                cone: batch.cones[slot],
                 pdf: f32::INFINITY,
                 specular: true,
             };
-            self.push(batch.rays[slot], path, ray_key(batch.keys[slot], 1));
+            let footprint = batch.footprints.get(slot);
+            self.push(batch.rays[slot], path, &footprint, ray_key(batch.keys[slot], 1));
         }
     }
 
@@ -73,13 +77,8 @@ impl Queue {
         let scene = context.scene;
         self.hits.clear();
         self.hits.resize(self.rays.len(), Hit::MISS);
-        let options = TraceOptions::default();
-        if context.opaque {
-            scene.tlas.closest_hits(&self.rays, &mut self.hits, &options, &AcceptAll);
-        } else {
-            let filter = AlphaFilter::new(scene, &self.keys);
-            scene.tlas.closest_hits(&self.rays, &mut self.hits, &options, &filter);
-        }
+        let keys = (!context.opaque).then_some(&self.keys[..]);
+        scene.closest_hits(&self.rays, keys, &mut self.hits);
     }
 
     /// Finds the closest hits, and what each ray visited.
@@ -89,9 +88,7 @@ impl Queue {
         self.hits.resize(self.rays.len(), Hit::MISS);
         counts.clear();
         counts.resize(self.rays.len(), Counters::default());
-        let (rays, hits) = (&self.rays, &mut self.hits);
-        let filter = AlphaFilter::new(scene, &self.keys);
-        scene.tlas.closest_hits_counted(rays, hits, counts, &TraceOptions::default(), &filter);
+        scene.closest_hits_counted(&self.rays, &self.keys, &mut self.hits, counts);
     }
 }
 
@@ -117,13 +114,8 @@ impl ShadowQueue {
         let scene = context.scene;
         self.occluded.clear();
         self.occluded.resize(self.rays.len(), false);
-        let options = TraceOptions::default();
-        if context.opaque {
-            scene.tlas.any_hits(&self.rays, &mut self.occluded, &options, &AcceptAll);
-        } else {
-            let filter = AlphaFilter::new(scene, &self.keys);
-            scene.tlas.any_hits(&self.rays, &mut self.occluded, &options, &filter);
-        }
+        let keys = (!context.opaque).then_some(&self.keys[..]);
+        scene.any_hits(&self.rays, keys, &mut self.occluded);
         batch.counts.shadow += self.rays.len() as u64;
         for (&(radiance, slot), &occluded) in self.light.iter().zip(&self.occluded) {
             if !occluded {

@@ -17,9 +17,9 @@ use super::{
     queue::{PathState, Queue, Queues, ray_key, shadow_key},
 };
 use crate::{
-    Features,
+    Features, RayFootprint,
     batch::{Batch, Context},
-    footprint,
+    footprint::{Arrival, Turn},
 };
 
 /// Branches of a lower throughput end.
@@ -85,8 +85,9 @@ fn vertex(
         return;
     }
     let surface = scene.surface(hit);
-    let width = path.cone.width_at(hit.t);
-    let point = scene.shading_point(&surface, -ray.direction, width, &settings.shading());
+    let footprint = current.footprints.get(i);
+    let seen = footprint.at(ray, hit, &surface);
+    let point = scene.shading_point(&surface, -ray.direction, seen, &settings.shading());
     if depth == 1
         && let Some(features) = batch.features.get_mut(slot)
     {
@@ -110,7 +111,8 @@ fn vertex(
                 let origin = surface.spawn(arrival.direction);
                 let ray = Ray::with_interval(origin, arrival.direction, 0.0, arrival.distance);
                 let state = PathState { throughput: radiance, ..*path };
-                shadows.queue.push(ray, state, shadow_key(batch.keys[slot], depth));
+                let key = shadow_key(batch.keys[slot], depth);
+                shadows.queue.push(ray, state, &RayFootprint::None, key);
                 shadows.lights.push(light);
             }
         }
@@ -121,10 +123,15 @@ fn vertex(
             continue;
         }
         let direction = point.frame.to_world(wi);
-        let transmitted = wi.z < 0.0;
-        let cone = footprint::scattered(scene, hit, path.cone, 0.0, transmitted);
-        let state = PathState { throughput, cone, ..*path };
-        let ray = Ray::new(surface.spawn(direction), direction);
-        next.push(ray, state, ray_key(batch.keys[slot], depth + 1));
+        let turn = Turn::specular(&point, direction, wi.z < 0.0);
+        let arrival = Arrival { scene, ray, hit, surface: &surface };
+        let footprint = footprint.turned(&arrival, &turn);
+        let state = PathState { throughput, ..*path };
+        next.push(
+            Ray::new(surface.spawn(direction), direction),
+            state,
+            &footprint,
+            ray_key(batch.keys[slot], depth + 1),
+        );
     }
 }

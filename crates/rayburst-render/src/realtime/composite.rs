@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::{
     gbuffer::{BAND, GBuffer},
-    signals::{Signals, guarded},
+    signals::{LEAST_REFLECTANCE, Signals},
 };
 
 /// What is added up.
@@ -30,55 +30,90 @@ pub fn composite(
     bands.into_par_iter().enumerate().for_each(|(band, mut rows)| {
         let band = band as u32;
         for y in band * BAND..(band * BAND + BAND).min(height) {
-            for x in 0..width {
-                let ambient = parameters.ambient * signals.ambient_occlusion.get(x, y);
-                let diffuse = signals.direct_diffuse.get(x, y) + signals.indirect_diffuse.get(x, y);
-                let specular =
-                    signals.direct_specular.get(x, y) + signals.indirect_specular.get(x, y);
+            let occlusion = signals.ambient_occlusion.row(y);
+            let out = rows.row_mut(y);
+            for (channel, out) in out.into_iter().enumerate() {
+                let row = |plane| Plane3::channel_row(plane, channel, y);
                 let (broad, glossy) =
-                    (signals.diffuse_reflectance.get(x, y), signals.specular_reflectance.get(x, y));
-                let mut sum = Vec3::ZERO;
-                if broad + glossy != Vec3::ZERO {
-                    sum += guarded(broad) * diffuse + guarded(glossy) * specular;
-                    sum += broad * ambient;
+                    (row(&signals.diffuse_reflectance), row(&signals.specular_reflectance));
+                let lights = lights(signals, channel, y);
+                let analytic = [
+                    signals.analytic_diffuse.channel_row(channel, y),
+                    signals.analytic_specular.channel_row(channel, y),
+                ];
+                let shadow = signals.shadow.row(y);
+                let transparency = signals.transparency.channel_row(channel, y);
+                let emitted = gbuffer.emitted.channel_row(channel, y);
+                let ambient = parameters.ambient[channel];
+                let shown = if parameters.emission { 1.0 } else { 0.0 };
+                for x in 0..width as usize {
+                    let diffuse = lights[0][x] + lights[1][x] + analytic[0][x] * shadow[x];
+                    let specular = lights[2][x] + lights[3][x] + analytic[1][x] * shadow[x];
+                    let scattered = broad[x].max(LEAST_REFLECTANCE) * diffuse
+                        + glossy[x].max(LEAST_REFLECTANCE) * specular;
+                    let around = broad[x] * ambient * occlusion[x];
+                    out[x] = scattered + around + transparency[x] + shown * emitted[x];
                 }
-                sum += signals.transparency.get(x, y);
-                if parameters.emission {
-                    sum += gbuffer.emitted.get(x, y);
-                }
-                rows.set(x, y, sum);
             }
         }
     });
 }
 
+/// A row of one channel of all demodulated light: diffuse direct and indirect, specular direct and
+/// indirect.
+fn lights(signals: &Signals, channel: usize, y: u32) -> [&[f32]; 4] {
+    [
+        signals.direct_diffuse.channel_row(channel, y),
+        signals.indirect_diffuse.channel_row(channel, y),
+        signals.direct_specular.channel_row(channel, y),
+        signals.indirect_specular.channel_row(channel, y),
+    ]
+}
+
 /// The variance of the luminance of all demodulated light in the 3×3 pixels around each.
 pub fn variance(signals: &Signals, out: &mut Plane) {
     let (width, height) = out.size();
-    let luminance = |x: i32, y: i32| {
-        let (x, y) = (x.clamp(0, width as i32 - 1) as u32, y.clamp(0, height as i32 - 1) as u32);
-        let sum = signals.direct_diffuse.get(x, y)
-            + signals.direct_specular.get(x, y)
-            + signals.indirect_diffuse.get(x, y)
-            + signals.indirect_specular.get(x, y);
-        sum.dot(Vec3::new(0.2126, 0.7152, 0.0722))
-    };
-    let bands: Vec<_> = out.bands_mut(BAND).collect();
-    bands.into_par_iter().enumerate().for_each(|(band, mut rows)| {
-        let band = band as u32;
-        for y in (band * BAND) as i32..((band * BAND + BAND).min(height)) as i32 {
-            for x in 0..width as i32 {
-                let (mut sum, mut squares) = (0.0f32, 0.0f32);
-                for dy in -1..=1 {
-                    for dx in -1..=1 {
-                        let value = luminance(x + dx, y + dy);
-                        sum += value;
-                        squares += value * value;
-                    }
-                }
-                let mean = sum / 9.0;
-                rows.set(x as u32, y as u32, (squares / 9.0 - mean * mean).max(0.0));
+    let (last, width) = (height as i32 - 1, width as usize);
+    let luminances = |y: i32, into: &mut Vec<[f32; 2]>| {
+        into.clear();
+        into.resize(width, [0.0; 2]);
+        let y = y.clamp(0, last) as u32;
+        for (channel, weight) in [0.2126, 0.7152, 0.0722].into_iter().enumerate() {
+            let lights = lights(signals, channel, y);
+            for (x, value) in into.iter_mut().enumerate() {
+                let sum = lights[0][x] + lights[1][x] + lights[2][x] + lights[3][x];
+                value[0] += weight * sum;
             }
         }
-    });
+        for value in into {
+            value[1] = value[0] * value[0];
+        }
+    };
+    let bands: Vec<_> = out.bands_mut(BAND).collect();
+    bands.into_par_iter().enumerate().for_each_init(
+        <[Vec<[f32; 2]>; 3]>::default,
+        |rows, (i, mut out)| {
+            let top = i as i32 * BAND as i32;
+            for (row, y) in rows.iter_mut().zip(top - 1..) {
+                luminances(y, row);
+            }
+            for y in top..top + out.rows() as i32 {
+                let row = out.row_mut(y as u32);
+                for (x, value) in row.iter_mut().enumerate() {
+                    let columns = [x.saturating_sub(1), x, (x + 1).min(width - 1)];
+                    let mut sum = [0.0f32; 2];
+                    for row in &*rows {
+                        for &column in &columns {
+                            sum[0] += row[column][0];
+                            sum[1] += row[column][1];
+                        }
+                    }
+                    let mean = sum[0] / 9.0;
+                    *value = (sum[1] / 9.0 - mean * mean).max(0.0);
+                }
+                rows.rotate_left(1);
+                luminances(y + 2, &mut rows[2]);
+            }
+        },
+    );
 }

@@ -108,18 +108,22 @@ fn pixel(
     let key = frame.key((x, y));
     for (i, light) in (0..).zip(&frame.lights.exact) {
         let u = sampler.get_2d(dimensions::exact_light(i));
-        if let Some(arrival) = light.arrival(surface.position, u) {
+        if let Some(arrival) = light.arrival(surface.place.position, u) {
             let light = LightSample {
                 direction: arrival.direction,
                 distance: arrival.distance,
                 radiance: arrival.illuminance,
                 pdf: 1.0,
                 delta: true,
+                emitter: None,
             };
             shine(frame, &surface, reflectances, rows, shadows, (x, y), key, &light);
         }
     }
-    if let Some(light) = sample(frame.scene, frame, &surface, &sampler) {
+    let tile = frame.tile((x, y));
+    let sampled = sample(frame.scene, frame, &surface, &sampler)
+        .filter(|light| light.emitter.is_none_or(|triangle| !frame.is_analytic(tile, triangle)));
+    if let Some(light) = sampled {
         shine(frame, &surface, reflectances, rows, shadows, (x, y), key, &light);
     }
 }
@@ -138,7 +142,7 @@ fn sample(
     let numbers = dimensions::Vertex::at_depth(1);
     let choice = sampler.get_1d(numbers.light_choice());
     let u: Vec2 = sampler.get_2d(numbers.light_point());
-    frame.lights.primary.sample_from(scene, surface.position, choice, u)
+    frame.lights.primary.sample_from(scene, surface.place.position, choice, u)
 }
 
 /// Adds a shadow ray to a light, or its light where shadows are not wanted.
@@ -153,6 +157,9 @@ fn shine(
     key: u32,
     light: &LightSample,
 ) {
+    if surface.place.geometric_normal.dot(light.direction) <= 0.0 {
+        return;
+    }
     let values = surface.bsdf.evaluate_apart(surface.wo, surface.frame.to_local(light.direction));
     // The share of this technique; all of it where no rays go.
     let share = |pdf: f32, found: bool| {
@@ -176,7 +183,7 @@ fn shine(
         add(&mut rows.specular, at, light_item.specular);
         return;
     }
-    let origin = surface.spawn(light.direction);
+    let origin = surface.place.spawn(light.direction);
     let ray = Ray::with_interval(origin, light.direction, 0.0, light.distance);
     shadows.push(ray, key, light_item);
 }

@@ -190,7 +190,19 @@ impl GBuffer {
         }
     }
 
-    /// The surface at a pixel that scatters light, as passes need it; `None` elsewhere.
+    /// Where a pixel's surface is that scatters light; `None` elsewhere.
+    #[inline]
+    pub(crate) fn place_at(&self, (x, y): (u32, u32)) -> Option<Place> {
+        let at = self.kind.index(x, y);
+        (self.kind.at(at) == PixelKind::Surface as u32).then(|| Place {
+            position: self.position.at(at),
+            error: self.error.at(at),
+            geometric_normal: self.geometric_normal.at(at),
+            normal: self.normal.at(at),
+        })
+    }
+
+    /// A pixel's surface that scatters light, as passes need it; `None` elsewhere.
     #[inline]
     pub(crate) fn surface_at(
         &self,
@@ -199,51 +211,49 @@ impl GBuffer {
         options: &ShadingOptions,
         (x, y): (u32, u32),
     ) -> Option<PixelSurface> {
-        if self.kind.get(x, y) != PixelKind::Surface as u32 {
-            return None;
-        }
-        let material = &scene.materials[self.material.get(x, y) as usize - 1];
-        let geometric_normal = self.geometric_normal.get(x, y);
-        let frame = Frame::from_normal(self.normal.get(x, y));
+        let place = self.place_at((x, y))?;
+        let at = self.kind.index(x, y);
+        let material = &scene.materials[self.material.at(at) as usize - 1];
+        let frame = Frame::from_normal(place.normal);
         let bsdf = Bsdf::metallic_roughness(
-            self.albedo.get(x, y),
-            self.metallic.get(x, y),
-            self.roughness.get(x, y),
+            self.albedo.at(at),
+            self.metallic.at(at),
+            self.roughness.at(at),
             material.ior,
             options.energy_compensation,
         )
-        .with_geometric_normal(frame.to_local(geometric_normal));
+        .with_geometric_normal(frame.to_local(place.geometric_normal));
         let wo = -view.ray(x, y).direction;
-        Some(PixelSurface {
-            position: self.position.get(x, y),
-            error: self.error.get(x, y),
-            geometric_normal,
-            frame,
-            bsdf,
-            wo: frame.to_local(wo),
-        })
+        Some(PixelSurface { place, frame, bsdf, wo: frame.to_local(wo) })
     }
 }
 
-/// A pixel's surface, taken from the planes.
+/// Where a pixel's surface is, taken from the planes.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct PixelSurface {
+pub(crate) struct Place {
     pub(crate) position: Vec3,
     error: f32,
     pub(crate) geometric_normal: Vec3,
-    pub(crate) frame: Frame,
-    pub(crate) bsdf: Bsdf,
-    /// Towards the eye, in the frame.
-    pub(crate) wo: Vec3,
+    pub(crate) normal: Vec3,
 }
 
-impl PixelSurface {
+impl Place {
     /// Where a ray starts that leaves towards `direction`.
     #[inline]
     pub(crate) fn spawn(&self, direction: Vec3) -> Vec3 {
         let error = Vec3::splat(self.error);
         spawn_origin(self.position, error, self.geometric_normal, direction)
     }
+}
+
+/// A pixel's surface, taken from the planes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PixelSurface {
+    pub(crate) place: Place,
+    pub(crate) frame: Frame,
+    pub(crate) bsdf: Bsdf,
+    /// Towards the eye, in the frame.
+    pub(crate) wo: Vec3,
 }
 
 /// The pixels of a band, in squares, so that neighbours in this order are neighbours in the picture.
@@ -285,7 +295,8 @@ fn resolve_pixel(
     }
     let surface = scene.surface(hit);
     let width = view.cone().width_at(hit.t);
-    let point = scene.shading_point(&surface, -ray.direction, width, shading);
+    let seen = view.footprint(shading.lod, (x, y)).at(&ray, hit, &surface);
+    let point = scene.shading_point(&surface, -ray.direction, seen, shading);
     let kind = if point.bsdf.is_specular_only() {
         PixelKind::Specular
     } else if scene.materials[surface.material as usize].model() == ShadingModel::Unlit {

@@ -14,11 +14,14 @@ use rayon::prelude::*;
 use super::{
     gbuffer::{BAND, GBuffer, PixelKind, PixelSurface, squares},
     pass::FrameContext,
-    paths::{PathRay, PathResult, Paths, density, first_cone},
+    paths::{PathRay, PathResult, Paths, density},
     quads::{QuadRows, Quads, Shared, asking},
     signals::{Signals, guarded},
 };
-use crate::dimensions::Vertex;
+use crate::{
+    dimensions::Vertex,
+    footprint::{Arrival, RayFootprint, Turn},
+};
 
 /// What a pass of paths took and saw.
 #[derive(Clone, Copy, Debug, Default)]
@@ -61,12 +64,15 @@ enum Lobe {
     Whole,
 }
 
-/// What a thread keeps between bands.
+/// Paths and where each adds to.
 #[derive(Debug, Default)]
 struct Work {
     paths: Paths,
     targets: Vec<(Lobe, (u32, u32))>,
 }
+
+/// Lobes from this width on keep the footprint and forget the surface that they left, radians.
+const WIDE: f32 = 0.2;
 
 /// Directions of the broad lobes and of the glossy one come from dimensions of their own.
 fn numbers(lobe: Lobe) -> u32 {
@@ -82,6 +88,10 @@ impl Work {
         self.targets.clear();
     }
 
+    fn results(&self) -> impl Iterator<Item = (&PathResult, &(Lobe, (u32, u32)))> {
+        self.paths.results.iter().zip(&self.targets)
+    }
+
     /// Starts a path at a surface by one lobe; `factor` multiplies what it brings.
     #[inline]
     fn start(
@@ -94,47 +104,60 @@ impl Work {
         (x, y): (u32, u32),
         target: (u32, u32),
     ) {
-        let sampler = frame.sampler((x, y));
-        let u = sampler.get_2d(numbers(lobe));
-        let (broad, glossy) = surface.bsdf.albedos_apart(surface.wo);
-        let (sample, reflectance) = match lobe {
-            Lobe::Broad if broad != Vec3::ZERO => (surface.bsdf.sample_broad(surface.wo, u), broad),
-            Lobe::Glossy if glossy != Vec3::ZERO => {
-                (surface.bsdf.sample_glossy(surface.wo, u), glossy)
-            }
-            _ => return,
-        };
-        let Some(sample) = sample else { return };
-        let throughput = factor * sample.weight / guarded(reflectance);
-        if throughput == Vec3::ZERO || !throughput.is_finite() {
+        let Some((ray, sample, throughput)) = first_ray(frame, surface, lobe, (x, y)) else {
             return;
-        }
-        let wi = surface.frame.to_world(sample.wi).normalize();
-        let ray = Ray::new(surface.spawn(wi), wi);
-        self.push(frame, gbuffer, (x, y), ray, throughput, &sample, false);
+        };
+        let (wi, throughput) = (ray.direction, factor * throughput);
+        let normal = surface.frame.normal;
+        let turn = Turn { wi, transmitted: false, normal, eta: 1.0, spread: sample.spread };
+        let footprint = self.turned(frame, gbuffer, (x, y), &turn);
+        self.push(frame, (x, y), ray, throughput, &sample, footprint);
         self.targets.push((lobe, target));
+    }
+
+    /// The footprint of a ray that leaves a first hit.
+    #[inline]
+    fn turned(
+        &self,
+        frame: &FrameContext<'_>,
+        gbuffer: &GBuffer,
+        (x, y): (u32, u32),
+        turn: &Turn,
+    ) -> RayFootprint {
+        let hit = &gbuffer.hits[(y * gbuffer.size().0 + x) as usize];
+        let (eye, ray) = (frame.eye_footprint((x, y)), frame.view.ray(x, y));
+        if let RayFootprint::Cone(cone) = eye
+            && turn.spread >= WIDE
+        {
+            return RayFootprint::Cone(cone.propagate(hit.t, turn.spread));
+        }
+        if eye == RayFootprint::None {
+            return eye;
+        }
+        let surface = frame.scene.surface(hit);
+        eye.turned(&Arrival { scene: frame.scene, ray: &ray, hit, surface: &surface }, turn)
     }
 
     #[inline]
     fn push(
         &mut self,
         frame: &FrameContext<'_>,
-        gbuffer: &GBuffer,
-        (x, y): (u32, u32),
+        at: (u32, u32),
         ray: Ray,
         throughput: Vec3,
         sample: &BsdfSample,
-        specular: bool,
+        footprint: RayFootprint,
     ) {
-        let hit = &gbuffer.hits[(y * gbuffer.size().0 + x) as usize];
         let state = PathRay {
             throughput,
             slot: 0,
-            cone: first_cone(frame.scene, hit, frame.view.cone(), sample),
+            footprint,
             pdf: density(sample),
-            specular: specular || sample.delta,
-            sampler: frame.sampler((x, y)),
-            key: frame.key((x, y)),
+            specular: sample.delta,
+            sampler: frame.sampler(at),
+            key: frame.key(at),
+            // A smooth lobe has no closed form, and mirrors have none at all.
+            tile: if sample.delta { u32::MAX } else { frame.tile(at) },
         };
         self.paths.start(ray, state);
     }
@@ -143,53 +166,93 @@ impl Work {
     fn start_specular(&mut self, frame: &FrameContext<'_>, gbuffer: &GBuffer, (x, y): (u32, u32)) {
         let hit = &gbuffer.hits[(y * gbuffer.size().0 + x) as usize];
         let surface = frame.scene.surface(hit);
-        let wo = -frame.view.ray(x, y).direction;
-        let width = gbuffer.footprint.get(x, y);
-        let point = frame.scene.shading_point(&surface, wo, width, &frame.shading);
+        let eye = frame.view.ray(x, y);
+        let (wo, footprint) = (-eye.direction, frame.eye_footprint((x, y)));
+        let seen = footprint.at(&eye, hit, &surface);
+        let point = frame.scene.shading_point(&surface, wo, seen, &frame.shading);
         let sampler = frame.sampler((x, y));
         let numbers = Vertex::at_depth(1);
         let u = sampler.get_2d(numbers.direction()).extend(sampler.get_1d(numbers.lobe()));
         let Some(sample) = point.sample(wo, u) else { return };
         let ray = Ray::new(surface.spawn(sample.wi), sample.wi);
-        self.push(frame, gbuffer, (x, y), ray, sample.weight, &sample, true);
+        let arrival = Arrival { scene: frame.scene, ray: &eye, hit, surface: &surface };
+        let footprint = footprint.turned(&arrival, &Turn::of_sample(&point, &sample));
+        self.push(frame, (x, y), ray, sample.weight, &sample, footprint);
         self.targets.push((Lobe::Whole, (x, y)));
     }
 }
 
-/// One reflection and one diffuse bounce a block of 2×2 pixels, and a path for each pixel of mirrors and
+/// A ray that leaves a first hit by one of its lobes, how it was sampled, and the demodulated factor on what
+/// it brings.
+#[inline]
+fn first_ray(
+    frame: &FrameContext<'_>,
+    surface: &PixelSurface,
+    lobe: Lobe,
+    at: (u32, u32),
+) -> Option<(Ray, BsdfSample, Vec3)> {
+    let u = frame.sampler(at).get_2d(numbers(lobe));
+    let (broad, glossy) = surface.bsdf.albedos_apart(surface.wo);
+    let (sample, reflectance) = match lobe {
+        Lobe::Broad if broad != Vec3::ZERO => (surface.bsdf.sample_broad(surface.wo, u), broad),
+        Lobe::Glossy if glossy != Vec3::ZERO => (surface.bsdf.sample_glossy(surface.wo, u), glossy),
+        _ => return None,
+    };
+    let sample = sample?;
+    let throughput = sample.weight / guarded(reflectance);
+    if throughput == Vec3::ZERO || !throughput.is_finite() {
+        return None;
+    }
+    let wi = surface.frame.to_world(sample.wi).normalize();
+    Some((Ray::new(surface.place.spawn(wi), wi), sample, throughput))
+}
+
+/// A reflected ray of a first hit and the demodulated factor on what it brings.
+#[inline]
+pub(crate) fn reflected_ray(
+    frame: &FrameContext<'_>,
+    surface: &PixelSurface,
+    at: (u32, u32),
+) -> Option<(Ray, Vec3)> {
+    let (ray, _, throughput) = first_ray(frame, surface, Lobe::Glossy, at)?;
+    Some((ray, throughput))
+}
+
+/// One reflection, unless these are made otherwise, and one diffuse bounce a block of 2×2 pixels, and a path for each pixel of mirrors and
 /// glass.
 pub(crate) fn gather_quads(
     frame: &FrameContext<'_>,
     gbuffer: &GBuffer,
     quads: &mut Quads,
     signals: &mut Signals,
+    reflections: bool,
 ) -> Gathered {
     let passes = &frame.settings.passes;
     let columns = quads.size().0;
     let transparency: Vec<Band3<'_>> = signals.transparency.bands_mut(BAND).collect();
     let bands = quads.rows().into_par_iter().zip(transparency);
     let gathered: Vec<Gathered> = bands
-        .map_init(Work::default, |work, (mut rows, mut transparency)| {
-            work.clear();
-            // Rays that go about the same way first, then those that do not.
-            for lobe in [Lobe::Glossy, Lobe::Broad] {
-                let wanted =
-                    if lobe == Lobe::Glossy { passes.reflections } else { passes.indirect };
-                for block in rows.blocks(columns) {
-                    if lobe == Lobe::Glossy {
-                        rows.clear(block);
-                    }
-                    let at = asking(rows.chosen.get(block.0, block.1), block);
-                    let Some(at) = at.filter(|_| wanted) else { continue };
-                    let surface = gbuffer.surface_at(frame.scene, frame.view, &frame.shading, at);
-                    if let Some(surface) = surface {
-                        work.start(frame, gbuffer, &surface, lobe, 1.0, at, block);
-                    }
+        .map_init(<[Work; 2]>::default, |work, (mut rows, mut transparency)| {
+            // Rays that go about the same way apart from those that do not.
+            let [glossy, broad] = work;
+            glossy.clear();
+            broad.clear();
+            for block in rows.blocks(columns) {
+                rows.clear(block, reflections || !passes.reflections);
+                let Some(at) = asking(rows.chosen.get(block.0, block.1), block) else { continue };
+                let surface = gbuffer.surface_at(frame.scene, frame.view, &frame.shading, at);
+                let Some(surface) = surface else { continue };
+                if reflections {
+                    glossy.start(frame, gbuffer, &surface, Lobe::Glossy, 1.0, at, block);
+                }
+                if passes.indirect {
+                    broad.start(frame, gbuffer, &surface, Lobe::Broad, 1.0, at, block);
                 }
             }
-            specular_pixels(frame, gbuffer, work, band_rows(&rows));
-            let mut gathered = Gathered { rays: work.paths.run(frame), ..Gathered::default() };
-            for (result, &(lobe, at)) in work.paths.results.iter().zip(&work.targets) {
+            specular_pixels(frame, gbuffer, glossy, band_rows(&rows));
+            let rays = glossy.paths.run(frame) + broad.paths.run(frame);
+            let mut gathered = Gathered { rays, ..Gathered::default() };
+            for (result, &(lobe, at)) in glossy.results().chain(broad.results()) {
                 match lobe {
                     Lobe::Broad => {
                         rows.diffuse.set(at.0, at.1, result.radiance);
@@ -289,7 +352,7 @@ pub(crate) fn gather_pixels(
             }
             specular_pixels(frame, gbuffer, work, top..top + BAND);
             let mut gathered = Gathered { rays: work.paths.run(frame), ..Gathered::default() };
-            for (result, &(lobe, (x, y))) in work.paths.results.iter().zip(&work.targets) {
+            for (result, &(lobe, (x, y))) in work.results() {
                 match lobe {
                     Lobe::Broad => {
                         rows.diffuse.set(x, y, result.radiance);

@@ -2,10 +2,17 @@
 
 use std::sync::Arc;
 
-use rayburst_math::glam::Vec3;
-use rayburst_scene::{Environment, FlatScene, Light, LightKinds, LightSampler};
+use rayburst_math::{Aabb, glam::Vec3};
+use rayburst_scene::{
+    Environment, FlatScene, Light, LightKinds, LightSampler,
+    ltc::{PolygonLightLimits, PolygonLights, SurfaceBounds},
+};
+use rayon::prelude::*;
 
-use super::settings::{FrameMode, FrameSettings};
+use super::{
+    gbuffer::{BAND, GBuffer},
+    settings::{FrameMode, FrameSettings},
+};
 
 /// More punctual lights than this are sampled at random.
 const EXACT_LIGHTS: usize = 4;
@@ -25,6 +32,37 @@ pub(crate) struct FrameLights {
     pub(crate) primary: LightSampler,
     /// What is asked for by a ray each at the first hit.
     pub(crate) exact: Vec<Light>,
+    /// What has a closed form at the first hit.
+    pub(crate) polygons: PolygonLights,
+}
+
+/// The polygon lights with a closed form in one square of pixels, as indices.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct TileLights {
+    count: u32,
+    lights: [u32; TILE_LIGHTS],
+}
+
+/// The most polygon lights of a square.
+const TILE_LIGHTS: usize = 4;
+
+impl TileLights {
+    pub(crate) fn lights(&self) -> &[u32] {
+        &self.lights[..self.count as usize]
+    }
+
+    /// Whether a triangle is part of one of the lights.
+    #[inline]
+    pub(crate) fn hold(
+        &self,
+        polygons: &PolygonLights,
+        [instance, geometry, primitive]: [u32; 3],
+    ) -> bool {
+        self.count > 0
+            && polygons
+                .light_of(instance, geometry, primitive)
+                .is_some_and(|light| self.lights().contains(&light))
+    }
 }
 
 /// What of the settings decides about lights.
@@ -49,8 +87,42 @@ impl FrameLights {
             environment: wants.mode == FrameMode::Path || !by_rays,
             emitters: true,
         };
-        let primary = LightSampler::of_kinds(scene, kinds);
-        Self { scene: scene.clone(), wants, all, primary, exact }
+        let polygons = match wants.mode {
+            FrameMode::Hybrid => PolygonLights::new(scene, &PolygonLightLimits::default()),
+            FrameMode::Path => PolygonLights::default(),
+        };
+        // Few enough to be in every square that they reach: they are never sampled.
+        let few = polygons.lights().len() <= TILE_LIGHTS;
+        let primary = LightSampler::of_kinds(scene, kinds, |instance, geometry, primitive| {
+            few && polygons.light_of(instance, geometry, primitive).is_some()
+        });
+        Self { scene: scene.clone(), wants, all, primary, exact, polygons }
+    }
+
+    /// The most important polygon lights of each square of pixels, row by row.
+    pub(crate) fn choose(&self, gbuffer: &GBuffer, tiles: &mut Vec<TileLights>) {
+        let (width, height) = gbuffer.size();
+        let (columns, rows) = (width.div_ceil(BAND), height.div_ceil(BAND));
+        tiles.clear();
+        tiles.resize((columns * rows) as usize, TileLights::default());
+        if self.polygons.is_empty() {
+            return;
+        }
+        tiles.par_iter_mut().enumerate().for_each(|(i, tile)| {
+            let (left, top) = (i as u32 % columns * BAND, i as u32 / columns * BAND);
+            let mut bounds = Aabb::EMPTY;
+            for y in top..(top + BAND).min(height) {
+                for x in left..(left + BAND).min(width) {
+                    if let Some(place) = gbuffer.place_at((x, y)) {
+                        bounds = bounds.grow(place.position);
+                    }
+                }
+            }
+            let mut chosen = [(0, 0.0); TILE_LIGHTS];
+            let surfaces = SurfaceBounds::of_positions(bounds);
+            tile.count = self.polygons.most_important(&surfaces, &mut chosen) as u32;
+            tile.lights = chosen.map(|(light, _)| light);
+        });
     }
 
     /// Whether these are the lights of a scene, for these settings.

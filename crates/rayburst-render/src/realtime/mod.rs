@@ -4,6 +4,7 @@
 //! planes and writes others: the [`GBuffer`] says what the eye sees, the [`Signals`] what light arrives
 //! there, in the parts that filters want apart. Only passes that rasterise or trace see the scene.
 
+mod analytic;
 mod composite;
 mod direct;
 mod gbuffer;
@@ -17,9 +18,13 @@ mod pass;
 mod paths;
 mod quads;
 mod renderer;
+mod screen;
+mod screen_pass;
 mod settings;
 mod shadows;
 mod signals;
+mod ssao;
+mod ssr;
 mod technique;
 mod view;
 mod visibility;
@@ -32,4 +37,8 @@ pub use motion::Motion;
 pub use renderer::{Frame, FrameRenderer, PassReport};
 pub use settings::{FrameMode, FrameSettings, Passes, Quality, Technique};
 pub use signals::{LEAST_REFLECTANCE, Signals, guarded};
+pub use ssao::{ScreenOcclusion, screen_occlusion};
+pub use ssr::{
+    ScreenReflections, ScreenReflectionsInput, ScreenReflectionsSettings, screen_reflections,
+};
 pub use view::FrameView;

@@ -1,6 +1,6 @@
 //! Ambient occlusion by rays: one for every 2×2 pixels, by the cosine, as far as a radius.
 
-use rayburst_math::{Hit, Ray, glam::Vec3, warp};
+use rayburst_math::{Frame, Hit, Ray, glam::Vec3, warp};
 use rayon::prelude::*;
 
 use super::{
@@ -40,18 +40,17 @@ pub(crate) fn ambient_occlusion(
                 rows.occlusion.set(block.0, block.1, 1.0);
                 rows.occluder.set(block.0, block.1, f32::INFINITY);
                 let Some(at) = asking(rows.chosen.get(block.0, block.1), block) else { continue };
-                let surface = gbuffer.surface_at(frame.scene, frame.view, &frame.shading, at);
-                let Some(surface) = surface else { continue };
+                let Some(place) = gbuffer.place_at(at) else { continue };
                 let u = frame.sampler(at).get_2d(dimensions::OCCLUSION);
                 let local: Vec3 = warp::cosine_hemisphere(u);
-                let direction = surface.frame.to_world(local).normalize();
-                if direction.dot(surface.geometric_normal) <= 0.0 {
+                let direction = Frame::from_normal(place.normal).to_world(local).normalize();
+                if direction.dot(place.geometric_normal) <= 0.0 {
                     // Behind the triangle, before the normal of shading: nothing is open there.
                     rows.occlusion.set(block.0, block.1, 0.0);
                     rows.occluder.set(block.0, block.1, 0.0);
                     continue;
                 }
-                let origin = surface.spawn(direction);
+                let origin = place.spawn(direction);
                 work.rays.push(Ray::with_interval(origin, direction, 0.0, radius));
                 work.keys.push(ray_key(frame.key(at), OCCLUSION_DEPTH));
                 work.targets.push(block);

@@ -3,8 +3,8 @@
 //! The estimator is that of the path tracer from its second vertex on; how the first ray was chosen, and
 //! what its light is divided by, the passes decide that start paths.
 
-use rayburst_math::{Hit, Ray, RayCone, Sampler, glam::Vec3};
-use rayburst_scene::{BsdfSample, FlatScene};
+use rayburst_math::{Hit, Ray, Sampler, glam::Vec3};
+use rayburst_scene::BsdfSample;
 
 use super::{
     pass::FrameContext,
@@ -13,7 +13,8 @@ use super::{
 use crate::{
     LightSampling,
     dimensions::Vertex,
-    estimator, footprint,
+    estimator,
+    footprint::{Arrival, RayFootprint, Turn},
     integrators::{ray_key, shadow_key},
 };
 
@@ -24,7 +25,8 @@ pub(crate) struct PathRay {
     pub(crate) throughput: Vec3,
     /// What it adds to.
     pub(crate) slot: u32,
-    pub(crate) cone: RayCone,
+    /// What a pixel sees at the ray's origin.
+    pub(crate) footprint: RayFootprint,
     /// Density of the direction; infinite if nothing but this ray finds what is there.
     pub(crate) pdf: f32,
     /// Whether all before were perfect mirrors and glass.
@@ -32,6 +34,9 @@ pub(crate) struct PathRay {
     pub(crate) sampler: Sampler,
     /// The root of the path's alpha decisions.
     pub(crate) key: u32,
+    /// The square whose polygon lights the first ray does not find, as they were added already; none if
+    /// there is no such.
+    pub(crate) tile: u32,
 }
 
 /// What a path brought back.
@@ -137,9 +142,11 @@ impl Paths {
         }
         let surface = scene.surface(hit);
         let wo = -ray.direction;
-        let width = path.cone.width_at(hit.t);
-        let point = scene.shading_point(&surface, wo, width, &frame.shading);
-        if point.emitted != Vec3::ZERO {
+        let seen = path.footprint.at(ray, hit, &surface);
+        let point = scene.shading_point(&surface, wo, seen, &frame.shading);
+        let triangle = [hit.instance, hit.geometry, hit.primitive];
+        let known = depth == 2 && frame.is_analytic(path.tile, triangle);
+        if point.emitted != Vec3::ZERO && !known {
             let weight = estimator::found_weight(both, path.pdf, || {
                 sampler.emitter_pdf(scene, hit, ray.origin, ray.direction)
             });
@@ -185,9 +192,10 @@ impl Paths {
         if throughput == Vec3::ZERO {
             return;
         }
+        let arrival = Arrival { scene, ray, hit, surface: &surface };
         let state = PathRay {
             throughput,
-            cone: footprint::of_sample(scene, hit, path.cone, &sample),
+            footprint: path.footprint.turned(&arrival, &Turn::of_sample(&point, &sample)),
             pdf: density(&sample),
             specular: path.specular && sample.delta,
             ..*path
@@ -201,15 +209,4 @@ impl Paths {
 #[inline]
 pub(crate) fn density(sample: &BsdfSample) -> f32 {
     if sample.delta { f32::INFINITY } else { sample.pdf }
-}
-
-/// The cone of a ray that leaves a first hit.
-#[inline]
-pub(crate) fn first_cone(
-    scene: &FlatScene,
-    hit: &Hit,
-    cone: RayCone,
-    sample: &BsdfSample,
-) -> RayCone {
-    footprint::of_sample(scene, hit, cone, sample)
 }

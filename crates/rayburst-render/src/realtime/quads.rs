@@ -225,12 +225,14 @@ impl QuadRows<'_> {
         })
     }
 
-    /// Empties a block.
+    /// Empties a block: its specular part, too, unless that was made before.
     #[inline]
-    pub(crate) fn clear(&mut self, (x, y): (u32, u32)) {
+    pub(crate) fn clear(&mut self, (x, y): (u32, u32), specular: bool) {
         self.diffuse.set(x, y, Vec3::ZERO);
-        self.specular.set(x, y, Vec3::ZERO);
         self.diffuse_distance.set(x, y, 0.0);
-        self.specular_distance.set(x, y, 0.0);
+        if specular {
+            self.specular.set(x, y, Vec3::ZERO);
+            self.specular_distance.set(x, y, 0.0);
+        }
     }
 }

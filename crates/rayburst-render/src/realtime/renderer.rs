@@ -7,16 +7,18 @@ use rayburst_math::glam::{Vec2, Vec3};
 use rayburst_scene::{Camera, FlatScene};
 
 use super::{
+    analytic::analytic_light,
     composite::{CompositeParameters, composite, variance},
     direct::direct_light,
     gbuffer::GBuffer,
     history::History,
     indirect::{Gathered, gather_pixels, gather_quads},
-    lights::FrameLights,
+    lights::{FrameLights, TileLights},
     motion::Motion,
     occlusion::ambient_occlusion,
     pass::{FrameContext, pixel_key},
     quads::Quads,
+    screen_pass::{self, ScreenWork},
     settings::{FrameMode, FrameSettings, Technique},
     signals::Signals,
     technique::Chooser,
@@ -81,8 +83,10 @@ pub struct FrameRenderer {
     quads: Quads,
     picture: Plane3,
     lights: Option<FrameLights>,
+    tiles: Vec<TileLights>,
     passes: Vec<PassReport>,
-    gbuffer_chooser: Chooser,
+    choosers: Choosers,
+    screen: ScreenWork,
 }
 
 impl FrameRenderer {
@@ -102,8 +106,10 @@ impl FrameRenderer {
             quads: Quads::new(size)?,
             picture: Plane3::new(size.0, size.1)?,
             lights: None,
+            tiles: Vec::new(),
             passes: Vec::new(),
-            gbuffer_chooser: Chooser::default(),
+            choosers: Choosers::default(),
+            screen: ScreenWork::default(),
         })
     }
 
@@ -122,13 +128,13 @@ impl FrameRenderer {
         Ok(())
     }
 
-    /// Renders the next frame of a scene at its instant.
+    /// Renders the next frame of a scene at its instant. Fails where memory for its planes cannot be had.
     pub fn frame(
         &mut self,
         scene: &Arc<FlatScene>,
         camera: &Camera,
         history: &mut History,
-    ) -> Frame<'_> {
+    ) -> Result<Frame<'_>> {
         let settings = self.settings;
         let size = settings.render_size();
         history.prepare(size, scene);
@@ -140,7 +146,9 @@ impl FrameRenderer {
             let fit = this.lights.take().filter(|lights| lights.fit(scene, &settings));
             (fit.unwrap_or_else(|| FrameLights::new(scene, &settings)), 0)
         });
-        let context = FrameContext {
+        self.tiles.clear();
+        let mut context = FrameContext {
+            tiles: &[],
             scene,
             opaque: scene.is_opaque(),
             view: &view,
@@ -156,12 +164,21 @@ impl FrameRenderer {
             this.gbuffer.resolve(scene, &view, &motion, &context.shading, sky);
             ((), 0)
         });
-        self.timed("direct", None, |this| {
+        let mut tiles = std::mem::take(&mut self.tiles);
+        self.timed("tiles", None, |this| {
             this.signals.clear();
+            lights.choose(&this.gbuffer, &mut tiles);
+            ((), 0)
+        });
+        context.tiles = &tiles;
+        self.timed("direct", None, |this| {
             ((), direct_light(&context, &this.gbuffer, &mut this.signals))
         });
-        let gathered = self.indirect(&context);
-        self.occlusion(&context);
+        self.timed("polygon_lights", None, |this| {
+            ((), analytic_light(&context, &this.gbuffer, &mut this.signals))
+        });
+        let gathered = self.indirect(&context, history)?;
+        self.occlusion(&context)?;
         let ambient = match settings.mode {
             FrameMode::Hybrid if settings.passes.ambient => history.learn(&gathered),
             _ => Vec3::ZERO,
@@ -176,14 +193,15 @@ impl FrameRenderer {
             ((), 0)
         });
         self.lights = Some(lights);
+        self.tiles = tiles;
         history.advance(view, scene, &self.picture);
-        Frame {
+        Ok(Frame {
             picture: &self.picture,
             gbuffer: &self.gbuffer,
             signals: &self.signals,
             view,
             passes: &self.passes,
-        }
+        })
     }
 
     /// Runs a pass and notes what it took; the pass gives its result and its rays.
@@ -203,48 +221,81 @@ impl FrameRenderer {
     /// What every pixel sees.
     fn visibility(&mut self, context: &FrameContext<'_>) {
         let settings = context.settings;
-        let technique = self.gbuffer_chooser.choose(settings.gbuffer, settings.quality, true);
+        let technique = self.choosers.visibility.choose(settings.gbuffer, settings.quality, true);
         self.timed("visibility", Some(technique), |this| {
             let key = |at| pixel_key(settings.seed, at, context.number);
             let hits = &mut this.gbuffer.hits;
             trace_primary(context.scene, context.opaque, context.view, key, hits);
             ((), hits.len() as u64)
         });
-        if let Some(report) = self.passes.last() {
-            self.gbuffer_chooser.note(technique, report.seconds);
-        }
+        self.note(|choosers| &mut choosers.visibility);
     }
 
-    /// Light along sampled rays.
-    fn indirect(&mut self, context: &FrameContext<'_>) -> Gathered {
+    /// Light along sampled rays, and reflections.
+    fn indirect(&mut self, context: &FrameContext<'_>, history: &History) -> Result<Gathered> {
         let settings = context.settings;
-        self.timed("indirect", None, |this| {
+        if settings.mode == FrameMode::Path {
+            return Ok(self.timed("paths", None, |this| {
+                let gathered = gather_pixels(context, &this.gbuffer, &mut this.signals);
+                (gathered, gathered.rays)
+            }));
+        }
+        self.quads.choose(context, &self.gbuffer);
+        let wanted = settings.passes.reflections;
+        let technique =
+            self.choosers.reflections.choose(settings.reflections, settings.quality, false);
+        let by_rays = wanted && technique == Technique::Rays;
+        if wanted && !by_rays {
+            self.timed("screen_reflections", Some(technique), |this| {
+                let Self { gbuffer, quads, screen, .. } = this;
+                let (picture, diagonal) = (&history.picture, diagonal(context.scene));
+                (screen_pass::reflections(context, gbuffer, picture, diagonal, screen, quads), 0)
+            })?;
+            self.note(|choosers| &mut choosers.reflections);
+        }
+        Ok(self.timed("indirect", by_rays.then_some(technique), |this| {
             let Self { gbuffer, quads, signals, .. } = this;
-            let gathered = match settings.mode {
-                FrameMode::Hybrid => {
-                    quads.choose(context, gbuffer);
-                    gather_quads(context, gbuffer, quads, signals)
-                }
-                FrameMode::Path => gather_pixels(context, gbuffer, signals),
-            };
+            let gathered = gather_quads(context, gbuffer, quads, signals, by_rays);
             (gathered, gathered.rays)
-        })
+        }))
     }
 
-    fn occlusion(&mut self, context: &FrameContext<'_>) {
+    fn occlusion(&mut self, context: &FrameContext<'_>) -> Result<()> {
         let settings = context.settings;
         if settings.mode == FrameMode::Path || !settings.passes.ambient_occlusion {
-            return;
+            return Ok(());
         }
-        let extent = if context.scene.bounds.is_empty() {
-            1.0
-        } else {
-            context.scene.bounds.extent().length()
-        };
-        let radius = settings.ao_radius.unwrap_or(0.05 * extent);
-        self.timed("ambient_occlusion", Some(Technique::Rays), |this| {
+        let radius = settings.ao_radius.unwrap_or(0.05 * diagonal(context.scene));
+        let chooser = self.choosers.occlusion;
+        let technique = chooser.choose(settings.ambient_occlusion, settings.quality, false);
+        self.timed("ambient_occlusion", Some(technique), |this| {
             let Self { gbuffer, quads, signals, .. } = this;
-            ((), ambient_occlusion(context, gbuffer, radius, quads, signals))
-        });
+            match technique {
+                Technique::Raster => (screen_pass::occlusion(context, gbuffer, radius, signals), 0),
+                _ => (Ok(()), ambient_occlusion(context, gbuffer, radius, quads, signals)),
+            }
+        })?;
+        self.note(|choosers| &mut choosers.occlusion);
+        Ok(())
     }
+
+    /// Tells a chooser what the last pass took.
+    fn note(&mut self, chooser: impl FnOnce(&mut Choosers) -> &mut Chooser) {
+        if let Some(PassReport { technique: Some(technique), seconds, .. }) = self.passes.last() {
+            chooser(&mut self.choosers).note(*technique, *seconds);
+        }
+    }
+}
+
+/// Of what there are two ways to make.
+#[derive(Clone, Copy, Debug, Default)]
+struct Choosers {
+    visibility: Chooser,
+    reflections: Chooser,
+    occlusion: Chooser,
+}
+
+/// Of a scene's bounds; 1 if it is empty.
+fn diagonal(scene: &FlatScene) -> f32 {
+    if scene.bounds.is_empty() { 1.0 } else { scene.bounds.diagonal().max(f32::MIN_POSITIVE) }
 }

@@ -1,8 +1,7 @@
 //! Shadow rays of a band of pixels, traced in one batch.
 
-use rayburst_accel::{AcceptAll, TraceOptions};
 use rayburst_math::{Hit, Ray};
-use rayburst_scene::{AlphaFilter, FlatScene};
+use rayburst_scene::FlatScene;
 
 /// Rays that ask whether something is visible; `T` says what it brings if it is.
 #[derive(Debug)]
@@ -37,13 +36,8 @@ impl<T: Copy> ShadowRays<T> {
     ) -> u64 {
         self.occluded.clear();
         self.occluded.resize(self.rays.len(), false);
-        let options = TraceOptions::default();
-        if opaque {
-            scene.tlas.any_hits(&self.rays, &mut self.occluded, &options, &AcceptAll);
-        } else {
-            let filter = AlphaFilter::new(scene, &self.keys);
-            scene.tlas.any_hits(&self.rays, &mut self.occluded, &options, &filter);
-        }
+        let keys = (!opaque).then_some(&self.keys[..]);
+        scene.any_hits(&self.rays, keys, &mut self.occluded);
         for (&item, &occluded) in self.items.iter().zip(&self.occluded) {
             answer(item, !occluded);
         }
@@ -65,10 +59,5 @@ pub(crate) fn closest_hits(
 ) {
     hits.clear();
     hits.resize(rays.len(), Hit::MISS);
-    let options = TraceOptions::default();
-    if opaque {
-        scene.tlas.closest_hits(rays, hits, &options, &AcceptAll);
-    } else {
-        scene.tlas.closest_hits(rays, hits, &options, &AlphaFilter::new(scene, keys));
-    }
+    scene.closest_hits(rays, (!opaque).then_some(keys), hits);
 }

@@ -31,6 +31,16 @@ pub struct Signals {
     pub direct_diffuse: Plane3,
     /// Light from lights, glossily scattered, demodulated.
     pub direct_specular: Plane3,
+    /// Light of the tile's polygon lights as if nothing were in between, broadly scattered, demodulated:
+    /// in closed form, without noise. What arrives is this times `shadow` (Heitz, Hill, McGuire:
+    /// "Combining Analytic Direct Illumination and Stochastic Shadows", I3D 2018).
+    pub analytic_diffuse: Plane3,
+    /// The same, glossily scattered, demodulated.
+    pub analytic_specular: Plane3,
+    /// Share of the light of polygon lights that is not blocked, from one shadow ray.
+    pub shadow: Plane,
+    /// Distance to what blocked that ray's light; infinite if nothing did.
+    pub shadow_distance: Plane,
     /// Light along sampled rays, broadly scattered, demodulated.
     pub indirect_diffuse: Plane3,
     /// Light along sampled rays, glossily scattered, demodulated.
@@ -59,6 +69,10 @@ impl Signals {
             specular_reflectance: vector()?,
             direct_diffuse: vector()?,
             direct_specular: vector()?,
+            analytic_diffuse: vector()?,
+            analytic_specular: vector()?,
+            shadow: plane()?,
+            shadow_distance: plane()?,
             indirect_diffuse: vector()?,
             indirect_specular: vector()?,
             diffuse_hit_distance: plane()?,
@@ -77,12 +91,16 @@ impl Signals {
             &mut self.specular_reflectance,
             &mut self.direct_diffuse,
             &mut self.direct_specular,
+            &mut self.analytic_diffuse,
+            &mut self.analytic_specular,
             &mut self.indirect_diffuse,
             &mut self.indirect_specular,
             &mut self.transparency,
         ] {
             planes.fill(Vec3::ZERO);
         }
+        self.shadow.fill(1.0);
+        self.shadow_distance.fill(f32::INFINITY);
         self.diffuse_hit_distance.fill(0.0);
         self.specular_hit_distance.fill(0.0);
         self.ambient_occlusion.fill(1.0);

@@ -4,7 +4,9 @@ use rayburst_math::{
     Ray, RayCone,
     glam::{Vec2, Vec3},
 };
-use rayburst_scene::{Camera, Projection};
+use rayburst_scene::{Camera, Projection, TextureLod};
+
+use crate::RayFootprint;
 
 /// A camera at one frame: with the size it is rendered at, and where in the pixels rays go through.
 ///
@@ -64,6 +66,13 @@ impl FrameView {
     #[inline]
     pub fn cone(&self) -> RayCone {
         self.cone
+    }
+
+    /// What a pixel sees at the eye.
+    #[inline]
+    pub fn footprint(&self, lod: TextureLod, (x, y): (u32, u32)) -> RayFootprint {
+        let at = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + self.jitter;
+        RayFootprint::of_eye(lod, &self.camera, at, self.size, Vec2::ZERO, self.cone)
     }
 
     /// The ray through a pixel, its direction a unit vector.

@@ -7,6 +7,8 @@ mod furnace;
 mod inspection;
 mod reference;
 mod scenes;
+mod screen_space;
 mod techniques;
+mod texture_lod;
 mod visibility;
 mod whitted;

@@ -49,6 +49,21 @@ pub(super) struct Lobes {
     base_norm: f32,
 }
 
+/// The scattering towards one direction, cut into what is integrated over area lights:
+/// f = base·(1 − coat·E(i)) + GGX lobe + returned·lost(i), with the albedo E(i) of
+/// [`albedo::directional`] in three parts (a, b, lost).
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct AreaTerms {
+    /// α of the GGX lobe; 0 when smooth or without one.
+    pub(crate) alpha: f32,
+    pub(crate) base: Vec3,
+    /// What the coat takes of the base's light, factors of a, b and lost.
+    pub(crate) coat: [f32; 3],
+    /// Albedo of the GGX lobe by reflectance at normal incidence, and that by grazing reflectance.
+    pub(crate) glossy: [Vec3; 2],
+    pub(crate) returned: Vec3,
+}
+
 /// Fresnel average over the hemisphere, and the part of the lost light that later bounces return.
 fn returned(f0: Vec3, f90: f32, average: Albedo) -> Vec3 {
     let mean = f0 + (Vec3::splat(f90) - f0) * (1.0 / 21.0);
@@ -117,6 +132,27 @@ impl Lobes {
         }
         let e = albedo::directional(cos_o, self.alpha);
         self.glossy_albedo(e) + self.returned * e.lost() + self.base * (1.0 - self.coat_albedo(e))
+    }
+
+    /// The scattering towards a direction above the surface for area lights.
+    pub(super) fn area_terms(&self, cos_o: f32) -> AreaTerms {
+        if self.is_lambert() {
+            return AreaTerms {
+                alpha: 0.0,
+                base: self.base * FRAC_1_PI,
+                coat: [0.0; 3],
+                glossy: [Vec3::ZERO; 2],
+                returned: Vec3::ZERO,
+            };
+        }
+        let o = albedo::directional(cos_o, self.alpha);
+        AreaTerms {
+            alpha: self.alpha,
+            base: self.base * ((1.0 - self.coat_albedo(o)) * self.base_norm),
+            coat: [self.coat_f0, self.coat_f90, self.coat_returned],
+            glossy: [self.f0 * o.a, Vec3::splat(self.f90 * o.b)],
+            returned: self.returned * (o.lost() * self.lost_norm),
+        }
     }
 
     #[inline]

@@ -19,6 +19,7 @@ use glam::{Vec2, Vec3};
 pub use metallic_roughness::SMOOTH_ALPHA;
 pub use specular::SpecularPath;
 
+pub(crate) use metallic_roughness::AreaTerms;
 use metallic_roughness::Lobes;
 
 /// The scattering at one point of a surface.
@@ -130,6 +131,15 @@ impl Bsdf {
         }
     }
 
+    /// Index of refraction on the side of `wo` over that on the other side; 1 for what is no interface.
+    #[inline]
+    pub fn relative_ior(&self) -> f32 {
+        match self.kind {
+            Kind::Interface { eta, .. } => eta,
+            _ => 1.0,
+        }
+    }
+
     /// Fraction of the light from `wo` that is scattered at all.
     pub fn albedo(&self, wo: Vec3) -> Vec3 {
         match &self.kind {
@@ -138,6 +148,23 @@ impl Bsdf {
             Kind::Interface { .. } => Vec3::ONE,
             Kind::Mirror(color) => *color,
         }
+    }
+
+    /// What area lights need of the scattering towards a direction of cosine `cos_o`; `None` without
+    /// any that is not `delta`.
+    pub(crate) fn area_terms(&self, cos_o: f32) -> Option<AreaTerms> {
+        match &self.kind {
+            Kind::MetallicRoughness(lobes) if cos_o > 0.0 && !lobes.is_mirror_only() => {
+                Some(lobes.area_terms(cos_o))
+            }
+            _ => None,
+        }
+    }
+
+    /// The geometric normal in the local frame, on the side of `wo`.
+    #[inline]
+    pub(crate) fn geometric_normal(&self) -> Vec3 {
+        self.geometric_normal
     }
 
     /// Whether `wi` may be reached by reflection.

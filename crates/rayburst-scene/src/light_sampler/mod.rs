@@ -17,7 +17,7 @@ mod environment;
 mod punctual;
 #[cfg(test)]
 mod tests;
-mod triangle;
+pub(crate) mod triangle;
 
 use std::f32::consts::PI;
 
@@ -43,6 +43,8 @@ pub struct LightSample {
     pub pdf: f32,
     /// Whether scattered rays cannot find this light.
     pub delta: bool,
+    /// Instance, geometry and primitive of an emissive triangle.
+    pub emitter: Option<[u32; 3]>,
 }
 
 /// Kinds of lights.
@@ -106,12 +108,23 @@ struct Candidate {
 impl LightSampler {
     /// Prepares the lights of a scene.
     pub fn new(scene: &FlatScene) -> Self {
-        Self::of_kinds(scene, LightKinds::ALL)
+        Self::of_kinds(scene, LightKinds::ALL, |_, _, _| false)
     }
 
-    /// Prepares some of the lights of a scene: those of other kinds are never sampled, and their
-    /// densities are zero.
-    pub fn of_kinds(scene: &FlatScene, kinds: LightKinds) -> Self {
+    /// Prepares the lights of a scene but for some emissive triangles, whose light is found otherwise:
+    /// they are never sampled, and their [`LightSampler::emitter_pdf`] is 0. Whoever meets one of them
+    /// by a scattered ray must not add its light. `excluded` gets instance, geometry and primitive.
+    pub fn excluding(scene: &FlatScene, excluded: impl Fn(u32, u32, u32) -> bool) -> Self {
+        Self::of_kinds(scene, LightKinds::ALL, excluded)
+    }
+
+    /// Prepares the lights of some kinds as [`LightSampler::excluding`] does: those of other kinds are
+    /// never sampled, and their densities are zero.
+    pub fn of_kinds(
+        scene: &FlatScene,
+        kinds: LightKinds,
+        excluded: impl Fn(u32, u32, u32) -> bool,
+    ) -> Self {
         // Powers that enter the scene's bounding sphere.
         let radius =
             if scene.bounds.is_empty() { 1.0 } else { 0.5 * scene.bounds.extent().length() };
@@ -137,7 +150,7 @@ impl LightSampler {
                 if !emissive.get(geometry.material as usize).is_some_and(|&e| e) {
                     continue;
                 }
-                let triangles = emitter_weights(scene, i as u32, g);
+                let triangles = emitter_weights(scene, i as u32, g, &excluded);
                 let power = triangles.total();
                 let source =
                     Source::Emitter(Emitter { instance: i as u32, geometry: g, triangles });
@@ -218,6 +231,21 @@ impl LightSampler {
         choice: f32,
         u: Vec2,
     ) -> Option<LightSample> {
+        self.sample_except(scene, from, choice, u, |_, _, _| false)
+    }
+
+    /// As [`LightSampler::sample_from`], but `None` where an emissive triangle is chosen for which
+    /// `excluded` says so, by instance, geometry and primitive. Densities of all else stay what they
+    /// are: the mean over all samples, those without light counted as zero, is the light of what is not
+    /// excluded. For lights that are found otherwise in a part of the picture only.
+    pub fn sample_except(
+        &self,
+        scene: &FlatScene,
+        from: Vec3,
+        choice: f32,
+        u: Vec2,
+        excluded: impl Fn(u32, u32, u32) -> bool,
+    ) -> Option<LightSample> {
         let (index, probability, rest) = self.choice.sample(choice)?;
         match &self.sources[index] {
             Source::Environment => {
@@ -228,6 +256,7 @@ impl LightSampler {
                     radiance: scene.environment.radiance(direction),
                     pdf: probability * pdf,
                     delta: false,
+                    emitter: None,
                 })
             }
             Source::Punctual(i) => {
@@ -238,9 +267,16 @@ impl LightSampler {
                     radiance: arrival.illuminance,
                     pdf: probability,
                     delta: true,
+                    emitter: None,
                 })
             }
-            Source::Emitter(emitter) => sample_emitter(scene, emitter, from, probability, rest, u),
+            Source::Emitter(emitter) => {
+                let (primitive, p, _) = emitter.triangles.sample(rest)?;
+                if excluded(emitter.instance, emitter.geometry, primitive as u32) {
+                    return None;
+                }
+                sample_emitter(scene, emitter, primitive, from, probability * p, u)
+            }
         }
     }
 
@@ -281,8 +317,13 @@ impl LightSampler {
     }
 }
 
-/// The triangles of an emissive geometry by power in lumens.
-fn emitter_weights(scene: &FlatScene, instance: u32, geometry: u32) -> Distribution1d {
+/// The triangles of an emissive geometry by power in lumens, excluded ones with none.
+fn emitter_weights(
+    scene: &FlatScene,
+    instance: u32,
+    geometry: u32,
+    excluded: &impl Fn(u32, u32, u32) -> bool,
+) -> Distribution1d {
     let record = &scene.instances[instance as usize];
     let flat = &scene.geometries[(record.first_geometry + geometry) as usize];
     let material = &scene.materials[flat.material as usize];
@@ -294,6 +335,9 @@ fn emitter_weights(scene: &FlatScene, instance: u32, geometry: u32) -> Distribut
     let uvs = uvs.filter(|_| slot.index().is_some());
     let weights: Vec<f32> = (0..flat.primitive.indices.len())
         .map(|i| {
+            if excluded(instance, geometry, i as u32) {
+                return 0.0;
+            }
             let area = scene.world_triangle(instance, geometry, i as u32).area_vector().length();
             let local = uvs.map_or(mean, |uvs| {
                 let [a, b, c] = flat.primitive.indices[i].map(|v| uvs[v as usize]);
@@ -310,15 +354,20 @@ fn emitter_weights(scene: &FlatScene, instance: u32, geometry: u32) -> Distribut
     Distribution1d::new(&weights)
 }
 
+/// How far a shadow ray to a point of an emitter reaches: its end must not meet the emitter itself.
+pub(crate) fn short_of(point: Vec3, distance: f32) -> Option<f32> {
+    let slack = 1e-4 * distance + 4e-6 * point.abs().max_element();
+    (distance > slack).then_some(distance - slack)
+}
+
 fn sample_emitter(
     scene: &FlatScene,
     emitter: &Emitter,
+    primitive: usize,
     from: Vec3,
     probability: f32,
-    choice: f32,
     u: Vec2,
 ) -> Option<LightSample> {
-    let (primitive, p, _) = emitter.triangles.sample(choice)?;
     let (instance, geometry) = (emitter.instance, emitter.geometry);
     let triangle = scene.world_triangle(instance, geometry, primitive as u32);
     let [a, b, c] = triangle.points;
@@ -326,11 +375,7 @@ fn sample_emitter(
     let point = a + uv.x * (b - a) + uv.y * (c - a);
     let to = point - from;
     let distance = to.length();
-    // The end of the shadow ray must not meet the emitter itself.
-    let slack = 1e-4 * distance + 4e-6 * point.abs().max_element();
-    if distance <= slack {
-        return None;
-    }
+    let reach = short_of(point, distance)?;
     let direction = to / distance;
     let area_vector = triangle.area_vector();
     let hit = Hit {
@@ -354,12 +399,13 @@ fn sample_emitter(
     if slot.index().is_some() {
         radiance *= scene.texture(slot, scene.uv_at(&hit, slot.uv_set), 0.0).truncate();
     }
-    let pdf = probability * p * triangle::pdf(triangle.points, area_vector, from, point);
+    let pdf = probability * triangle::pdf(triangle.points, area_vector, from, point);
     (pdf > 0.0 && pdf.is_finite()).then_some(LightSample {
         direction,
-        distance: distance - slack,
+        distance: reach,
         radiance,
         pdf,
         delta: false,
+        emitter: Some([instance, geometry, primitive as u32]),
     })
 }

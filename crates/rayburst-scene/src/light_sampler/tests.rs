@@ -9,8 +9,8 @@ use rayburst_testkit::statistics::{Moments, test_directions};
 
 use super::*;
 use crate::{
-    Environment, Flattener, Light, Pose, Primitive, Scene, ShadingOptions, Texture, TextureSlot,
-    environment::EnvironmentMap,
+    Environment, Flattener, Footprint, Light, Pose, Primitive, Scene, ShadingOptions, Texture,
+    TextureSlot, environment::EnvironmentMap,
 };
 
 /// A quad of two triangles, its front on the side from which the corners go counter-clockwise.
@@ -101,7 +101,8 @@ fn seen(scene: &FlatScene, lights: &LightSampler, direction: Vec3) -> (Vec3, f32
     let hit = trace(scene, direction);
     if hit.is_hit() {
         let surface = scene.surface(&hit);
-        let point = scene.shading_point(&surface, -direction, 0.0, &ShadingOptions::default());
+        let point =
+            scene.shading_point(&surface, -direction, Footprint::NONE, &ShadingOptions::default());
         (point.emitted, lights.emitter_pdf(scene, &hit, Vec3::ZERO, direction))
     } else {
         (scene.environment.radiance(direction), lights.environment_pdf(scene, direction))

@@ -25,7 +25,7 @@ fn spherical(points: [Vec3; 3], from: Vec3) -> Option<([Vec3; 3], f32)> {
 }
 
 /// Barycentric coordinates (u, v) of a point of the triangle.
-pub(super) fn sample(points: [Vec3; 3], from: Vec3, u: Vec2) -> Vec2 {
+pub(crate) fn sample(points: [Vec3; 3], from: Vec3, u: Vec2) -> Vec2 {
     spherical(points, from)
         .and_then(|(d, omega)| project(points, from, direction(d, omega, u)?))
         .unwrap_or_else(|| warp::uniform_triangle(u))

@@ -9,5 +9,7 @@ mod hostile_meshes;
 mod moving;
 mod obj;
 mod ply;
+mod polygon_lamps;
+mod polygon_lights;
 mod real_meshes;
 mod view;
