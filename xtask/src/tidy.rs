@@ -28,7 +28,16 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "rayburst-render",
         ],
     ),
-    ("rayburst-bench", &["rayburst-math", "rayburst-accel", "rayburst-pipeline", "rayburst-scene"]),
+    (
+        "rayburst-bench",
+        &[
+            "rayburst-math",
+            "rayburst-accel",
+            "rayburst-pipeline",
+            "rayburst-scene",
+            "rayburst-render",
+        ],
+    ),
     ("rayburst-cli", &["rayburst", "rayburst-bench"]),
     ("rayburst-testkit", &["rayburst-math"]),
     ("rayburst-verify", &["rayburst-math", "rayburst-simd", "rayburst-accel", "rayburst-scene"]),

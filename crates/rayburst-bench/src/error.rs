@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use rayburst_accel::BuildError;
 use rayburst_pipeline::{DispatchError, PipelineError};
+use rayburst_render::RenderError;
 
 /// Why nothing was measured.
 #[derive(Debug, thiserror::Error)]
@@ -32,6 +33,9 @@ pub enum BenchError {
     /// Shaders failed.
     #[error(transparent)]
     Dispatch(#[from] DispatchError),
+    /// Frames cannot be rendered as asked.
+    #[error(transparent)]
+    Render(#[from] RenderError),
     /// Forms of one computation disagree, so their speeds cannot be compared.
     #[error("{first} and {second} disagree on {differing} pixels")]
     PicturesDiffer {

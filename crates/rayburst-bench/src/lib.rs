@@ -1,4 +1,5 @@
-//! Measurements: identical rays through Rayburst and its peers, in one process, interleaved.
+//! Measurements: identical rays through Rayburst and its peers, in one process, interleaved; frames in real
+//! time, pass by pass.
 //!
 //! Peers are loaded at run time; only with the feature `peers` are other crates linked. The only
 //! `unsafe` is in [`peers`], at the foreign interface.
@@ -6,6 +7,7 @@
 pub mod builds;
 pub mod engine;
 pub mod error;
+pub mod frames;
 pub mod geometry;
 pub mod machine;
 pub mod peers;
@@ -20,6 +22,7 @@ pub mod updates;
 pub use builds::{BuildBench, bench_builds};
 pub use engine::{Engine, Mode, Preset, Query};
 pub use error::BenchError;
+pub use frames::{FrameBench, bench_frames};
 pub use geometry::FlatMesh;
 pub use machine::Machine;
 pub use pipelines::{PipelineBench, bench_pipelines};

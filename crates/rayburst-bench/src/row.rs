@@ -10,7 +10,7 @@ pub const GEOMETRIC_MEAN: &str = "geometric mean";
 /// A row of a benchmark's JSON array; fields that a benchmark does not have are left out.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Row {
-    /// Which benchmark: `rays`, `build`, `update` or `pipeline`.
+    /// Which benchmark: `rays`, `build`, `update`, `pipeline` or `frame`.
     pub bench: &'static str,
     /// Name of the scene, or `geometric mean`.
     pub scene: String,
@@ -35,6 +35,21 @@ pub struct Row {
     /// Instances in the scene.
     #[serde(skip_serializing_if = "is_zero")]
     pub instances: usize,
+    /// How frames are made: `hybrid` or `realtime-path`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mode: Option<&'static str>,
+    /// The size that is rendered, as a part of the frame's along each side.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub render_scale: Option<f32>,
+    /// What takes the noise out of frames, or `none`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub denoiser: Option<&'static str>,
+    /// Which pass of a frame, or `frame` for all of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pass: Option<&'static str>,
+    /// Rays of the pass in a frame, over the pixels of the size that is rendered; the mean.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rays_per_pixel: Option<f64>,
     /// Frames of a run.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frames: Option<usize>,

@@ -6,7 +6,7 @@ use rayburst::{
         exposure::auto_exposure,
         quantise::{Dither, to_srgb8},
     },
-    render::{Display, IntegratorKind, false_colours},
+    render::{Display, false_colours},
 };
 
 use crate::{
@@ -24,17 +24,13 @@ pub(crate) struct Developer {
 
 impl Developer {
     /// By the options, or by what the scene says.
-    pub(crate) fn new(
-        integrator: IntegratorKind,
-        args: &DevelopArgs,
-        of_scene: Option<f32>,
-    ) -> Self {
+    pub(crate) fn new(display: Display, args: &DevelopArgs, of_scene: Option<f32>) -> Self {
         let exposure = match args.exposure {
             Some(Exposure::Stops(stops)) => Some(stops),
             Some(Exposure::Auto) => None,
             None => of_scene,
         };
-        Self { display: integrator.display(), tone_map: args.tone_map, exposure }
+        Self { display, tone_map: args.tone_map, exposure }
     }
 
     /// The picture in 8 bits.

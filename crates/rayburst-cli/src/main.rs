@@ -19,6 +19,7 @@ mod light;
 mod load;
 mod machine;
 mod memory;
+mod method;
 mod movie;
 mod names;
 mod output;

@@ -9,6 +9,8 @@ mod twist;
 
 use rayburst_accel::BuildOptions;
 
+pub(crate) use timing::median;
+
 use crate::{
     BenchError, FlatMesh, Row,
     engine::Preset,

@@ -41,7 +41,7 @@ impl Measured {
 }
 
 /// The middle one of some numbers, of which there must be some.
-pub(super) fn median(values: &[f64]) -> f64 {
+pub(crate) fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     sorted[sorted.len() / 2]

@@ -2,13 +2,15 @@
 
 use std::path::PathBuf;
 
+use rayburst::render::realtime::FrameMode;
 use rayburst_bench::{
     EngineSpec, Mode, Preset, RaySetKind, UpdateCase,
     spec::{BUILDER_NAMES, EMBREE_NAMES},
 };
 
 use super::{
-    scene::{CameraArgs, InstantArgs},
+    frames::{self, FrameArgs},
+    scene::{CameraArgs, InstantArgs, LightArgs},
     values,
 };
 
@@ -18,7 +20,8 @@ use super::{
 Examples:
   rayburst bench rays sponza.gltf --peer embree=libembree4.so.4 --json rays.json
   rayburst bench build sponza.gltf --peer embree=libembree4.so.4
-  rayburst bench update --threads 2")]
+  rayburst bench update --threads 2
+  rayburst bench frame sponza.gltf --json frame.json")]
 pub(crate) struct BenchArgs {
     #[command(subcommand)]
     pub(crate) kind: BenchKind,
@@ -31,6 +34,7 @@ pub(crate) enum BenchKind {
     Build(Box<BenchBuildArgs>),
     Update(Box<BenchUpdateArgs>),
     Pipeline(Box<BenchPipelineArgs>),
+    Frame(Box<BenchFrameArgs>),
 }
 
 /// Rays a second, by ray set, of this engine and of peers on the same geometry.
@@ -149,6 +153,50 @@ pub(crate) struct BenchPipelineArgs {
     pub(crate) instant: InstantArgs,
 }
 
+/// Frames in real time under a camera that sways, pass by pass.
+#[derive(clap::Args, Clone, Debug)]
+#[command(after_help = "\
+Examples:
+  rayburst bench frame
+  rayburst bench frame sponza.gltf --modes hybrid --render-scales 1 --json frame.json
+  rayburst bench frame city --techniques gbuffer=rays --passes direct,shadows,emission")]
+pub(crate) struct BenchFrameArgs {
+    /// Files or built-in scenes
+    #[arg(value_name = "SCENE", default_value = rayburst::scene::builtin::DEFAULT)]
+    pub(crate) scenes: Vec<String>,
+    /// Width and height of the frames in pixels
+    #[arg(long, value_name = "WxH", default_value = "640x360", value_parser = values::size)]
+    pub(crate) size: (u32, u32),
+    /// Modes, with commas: hybrid, realtime-path [default: both]
+    #[arg(long, value_name = "LIST", value_parser = frame_modes)]
+    pub(crate) modes: Option<FrameModeList>,
+    /// Sizes that are rendered, as parts of --size along each side, 0.5 to 1, with commas
+    #[arg(long, value_name = "LIST", default_value = "1,0.5", value_parser = render_scales)]
+    pub(crate) render_scales: ScaleList,
+    /// Frames of a run, after 16 that are not measured
+    #[arg(long, value_name = "N", default_value_t = 64,
+          value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(64..=100_000))]
+    pub(crate) frames: usize,
+    /// Runs of each mode and scale, which take turns; figures are over the frames of all
+    #[arg(long, value_name = "N", default_value_t = 1,
+          value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1000))]
+    pub(crate) repeat: usize,
+    /// Threads that render [default: one a core]
+    #[arg(long, value_name = "N", value_parser = values::threads)]
+    pub(crate) threads: Option<usize>,
+    /// File for the rows
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) frame: FrameArgs,
+    #[command(flatten)]
+    pub(crate) camera: CameraArgs,
+    #[command(flatten)]
+    pub(crate) light: LightArgs,
+    #[command(flatten)]
+    pub(crate) instant: InstantArgs,
+}
+
 /// What all benchmarks of scenes take.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct BenchCommonArgs {
@@ -246,6 +294,29 @@ pub(crate) struct ModeList(pub(crate) Vec<Mode>);
 
 fn modes(given: &str) -> Result<ModeList, String> {
     values::choices("mode", &Mode::ALL, given).map(ModeList)
+}
+
+/// A list of ways to make frames.
+#[derive(Clone, Debug)]
+pub(crate) struct FrameModeList(pub(crate) Vec<FrameMode>);
+
+fn frame_modes(given: &str) -> Result<FrameModeList, String> {
+    values::choices("mode", &FrameMode::ALL, given).map(FrameModeList)
+}
+
+/// A list of render scales.
+#[derive(Clone, Debug)]
+pub(crate) struct ScaleList(pub(crate) Vec<f32>);
+
+fn render_scales(given: &str) -> Result<ScaleList, String> {
+    let mut scales = Vec::new();
+    for scale in given.split(',').map(|part| frames::render_scale(part.trim())) {
+        let scale = scale?;
+        if !scales.contains(&scale) {
+            scales.push(scale);
+        }
+    }
+    Ok(ScaleList(scales))
 }
 
 /// The library of a peer.

@@ -1,6 +1,7 @@
 //! The command line's verbs and options.
 
 pub(crate) mod bench;
+pub(crate) mod frames;
 pub(crate) mod render;
 pub(crate) mod scene;
 pub(crate) mod values;

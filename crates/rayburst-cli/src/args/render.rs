@@ -6,13 +6,18 @@ use rayburst::{
     accel::IsaLevel,
     image::{FilterKind, ToneMap},
     math::SamplerKind,
-    render::{Aov, IntegratorKind},
+    render::{Aov, realtime::FrameLayer},
     scene::TextureLod,
 };
 
 use super::{
+    frames::{self, FrameArgs},
     scene::{CameraArgs, LightArgs, SceneArgs},
     values::{self, Exposure},
+};
+use crate::{
+    error::{CliError, Result},
+    method::Method,
 };
 
 /// What is computed, and how well.
@@ -22,28 +27,26 @@ pub(crate) struct QualityArgs {
     /// Width and height in pixels [default: the built-in scene's own, or 960x540]
     #[arg(long, value_name = "WxH", value_parser = values::size)]
     pub(crate) size: Option<(u32, u32)>,
-    /// Samples a pixel [default: 256; 16 for the views of surfaces; no end with --budget or --noise]
+    /// Samples a pixel [default: 256; 16 for the views of surfaces; no end with --budget or --noise; 1
+    /// for hybrid and realtime-path, which take the mean of so many frames of an instant]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16_777_216))]
     pub(crate) spp: Option<u32>,
-    /// What a pixel shows
-    #[arg(long, value_name = "NAME", default_value = IntegratorKind::default().name(),
-          value_parser = values::choice(&IntegratorKind::ALL))]
-    pub(crate) integrator: IntegratorKind,
-    /// Longest path in rays; the eye ray is the first
-    #[arg(long, value_name = "N", default_value_t = 16,
-          value_parser = clap::value_parser!(u32).range(1..=65_536))]
-    pub(crate) max_depth: u32,
+    /// What a pixel shows; hybrid and realtime-path render frames as in real time
+    #[arg(long, value_name = "NAME", default_value = Method::default().name(),
+          value_parser = values::choice(&Method::ALL))]
+    pub(crate) integrator: Method,
+    /// Longest path in rays; the eye ray is the first [default: 16; 3 for hybrid and realtime-path]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    pub(crate) max_depth: Option<u32>,
     /// Seed of all randomness
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) seed: u32,
-    /// Where random numbers come from
-    #[arg(long, value_name = "NAME", default_value = "sobol",
-          value_parser = values::choice(&SamplerKind::ALL))]
-    pub(crate) sampler: SamplerKind,
-    /// Pixel filter
-    #[arg(long, value_name = "NAME", default_value = FilterKind::default().name(),
-          value_parser = values::choice(&FilterKind::ALL))]
-    pub(crate) filter: FilterKind,
+    /// Where random numbers come from [default: sobol; blue for hybrid and realtime-path]
+    #[arg(long, value_name = "NAME", value_parser = values::choice(&SamplerKind::ALL))]
+    pub(crate) sampler: Option<SamplerKind>,
+    /// Pixel filter; not for hybrid and realtime-path [default: blackman-harris]
+    #[arg(long, value_name = "NAME", value_parser = values::choice(&FilterKind::ALL))]
+    pub(crate) filter: Option<FilterKind>,
     /// How textures choose their mip level
     #[arg(long, value_name = "NAME", default_value = TextureLod::default().name(),
           value_parser = values::choice(&TextureLod::ALL))]
@@ -84,6 +87,7 @@ Examples:
   rayburst render sponza.gltf -o sponza.exr --spp 256 --aov albedo,normal
   rayburst render bunny.ply --environment sky --eye 0,0.2,0.4 --target 0,0.1,0
   rayburst render fox.glb --frames 0..47 --fps 24 -o fox.gif
+  rayburst render sponza.gltf --integrator hybrid -o frame.exr --aov motion,direct_diffuse
   rayburst render sponza.gltf -o sponza.exr --spp 1024 --resume")]
 pub(crate) struct RenderArgs {
     #[command(flatten)]
@@ -111,9 +115,19 @@ pub(crate) struct RenderArgs {
     /// Frames a second
     #[arg(long, value_name = "N", value_parser = values::positive, help_heading = "Sequence")]
     pub(crate) fps: Option<f32>,
-    /// Further signals as layers of the .exr, with commas: albedo, normal, depth, …
+    /// Further signals as layers of the .exr, with commas: albedo, normal, depth, position, instance,
+    /// material, variance; of hybrid and realtime-path also motion, geometric_normal, roughness,
+    /// metallic, emitted, direct_diffuse, direct_specular, indirect_diffuse, indirect_specular,
+    /// diffuse_reflectance, specular_reflectance, transparency, ambient_occlusion,
+    /// diffuse_hit_distance, specular_hit_distance
     #[arg(long, value_name = "LIST", value_parser = aovs, help_heading = "Output")]
     pub(crate) aov: Option<AovList>,
+    #[command(flatten)]
+    pub(crate) frame: FrameArgs,
+    /// Size that is rendered and written, as a part of --size along each side, 0.5 to 1
+    #[arg(long, value_name = "S", value_parser = frames::render_scale,
+          help_heading = "Frames (hybrid and realtime-path)")]
+    pub(crate) render_scale: Option<f32>,
     /// Stop after so many seconds (the first sample is always finished)
     #[arg(long, value_name = "SECONDS", value_parser = values::positive, help_heading = "Stop")]
     pub(crate) budget: Option<f32>,
@@ -130,12 +144,37 @@ pub(crate) struct RenderArgs {
     pub(crate) machine: MachineArgs,
 }
 
-/// A list of signals.
+/// Names of signals, of whatever integrator.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct AovList(pub(crate) Vec<Aov>);
+pub(crate) struct AovList(Vec<&'static str>);
+
+impl AovList {
+    /// The signals of an integrator that has those of a table.
+    pub(crate) fn of<T: Copy>(&self, all: &[(&'static str, T)], method: Method) -> Result<Vec<T>> {
+        let find = |name: &&str| {
+            let found = all.iter().find(|(known, _)| known == name);
+            found.map(|(_, signal)| *signal).ok_or_else(|| {
+                let known: Vec<&str> = all.iter().map(|(known, _)| *known).collect();
+                CliError::usage(format!(
+                    "--integrator {} has no AOV '{name}'; it has {}",
+                    method.name(),
+                    known.join(", ")
+                ))
+            })
+        };
+        self.0.iter().map(find).collect()
+    }
+}
 
 fn aovs(given: &str) -> Result<AovList, String> {
-    values::choices("AOV", &Aov::ALL, given).map(AovList)
+    let progressive = Aov::ALL.iter().map(|(name, _)| *name);
+    let mut all: Vec<(&str, &str)> = progressive.map(|name| (name, name)).collect();
+    for (name, _) in FrameLayer::ALL {
+        if !all.contains(&(name, name)) {
+            all.push((name, name));
+        }
+    }
+    values::choices("AOV", &all, given).map(AovList)
 }
 
 fn isa(given: &str) -> Result<IsaLevel, String> {

@@ -1,5 +1,6 @@
 //! `rayburst bench`: how fast, beside peers in the same process.
 
+mod frame;
 mod pipeline;
 mod plot;
 mod update;
@@ -28,6 +29,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
         BenchKind::Build(args) => build(args),
         BenchKind::Update(args) => update::run(args),
         BenchKind::Pipeline(args) => pipeline::run(args),
+        BenchKind::Frame(args) => frame::run(args),
     }
 }
 

@@ -6,6 +6,7 @@ use crate::{
     args::render::RenderArgs,
     error::{CliError, Result},
     output::{self, Format},
+    terminal,
 };
 
 /// Frames a second unless told otherwise.
@@ -34,6 +35,11 @@ impl Frame {
     /// Whether its file can be continued later.
     pub(super) fn keeps_state(&self) -> bool {
         self.format == Format::Exr
+    }
+
+    /// Says that it is lost.
+    pub(super) fn tell_unfinished(&self) {
+        terminal::note(format!("frame {} is not finished, nothing of it is kept", self.number));
     }
 }
 

@@ -1,7 +1,7 @@
 //! What a render says of itself: the JSON object of the contract.
 
 use rayburst::{
-    render::{Outcome, RayCounts, RenderSettings, Renderer},
+    render::RayCounts,
     scene::{FlatScene, Scene},
 };
 use serde::Serialize;
@@ -51,13 +51,13 @@ pub(super) struct Report {
 }
 
 impl Report {
-    /// Before anything is rendered.
-    pub(super) fn new(args: &RenderArgs, loaded: &Loaded, settings: &RenderSettings) -> Self {
+    /// Before anything is rendered of pictures of a size.
+    pub(super) fn new(args: &RenderArgs, loaded: &Loaded, size: (u32, u32)) -> Self {
         Self {
             scene: loaded.name.clone(),
-            size: [settings.size.0, settings.size.1],
+            size: [size.0, size.1],
             spp: 0,
-            integrator: settings.integrator.name(),
+            integrator: args.quality.integrator.name(),
             frames: 0,
             seconds: Seconds { load: loaded.seconds, ..Seconds::default() },
             rays: Rays::default(),
@@ -76,15 +76,14 @@ impl Report {
     }
 
     /// Adds a frame.
-    pub(super) fn add(&mut self, renderer: &Renderer, outcome: &Outcome) {
-        let RayCounts { camera, shadow, indirect } = outcome.rays;
+    pub(super) fn add(&mut self, samples: u32, rays: RayCounts, seconds: f64) {
         self.frames += 1;
-        self.spp = renderer.samples();
-        self.rays.camera += camera;
-        self.rays.shadow += shadow;
-        self.rays.indirect += indirect;
-        self.rays.total += outcome.rays.total();
-        self.seconds.render += outcome.elapsed.as_secs_f64();
+        self.spp = samples;
+        self.rays.camera += rays.camera;
+        self.rays.shadow += rays.shadow;
+        self.rays.indirect += rays.indirect;
+        self.rays.total += rays.total();
+        self.seconds.render += seconds;
         self.mrays_per_second = self.rays.total as f64 / self.seconds.render.max(1e-9) / 1e6;
     }
 

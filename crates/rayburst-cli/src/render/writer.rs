@@ -2,15 +2,9 @@
 
 use std::time::Instant;
 
-use rayburst::{
-    image::{write_exr, write_linear, write_png},
-    render::Renderer,
-};
+use rayburst::image::{LayeredImage, RgbImage, write_exr, write_linear, write_png};
 
-use super::{
-    fingerprint::Identity,
-    plan::{Frame, Plan},
-};
+use super::plan::{Frame, Plan};
 use crate::{develop::Developer, error::Result, movie::Movie, output::Format};
 
 /// Where frames go.
@@ -31,22 +25,19 @@ impl Writer {
         Ok(Self { format: plan.format, developer, movie })
     }
 
-    /// Writes the picture of a frame, or adds it to the film.
+    /// Writes the picture of a frame, with its layers where the file can hold them, or adds it to the
+    /// film.
     pub(super) fn write(
         &mut self,
         frame: &Frame,
-        renderer: &Renderer,
-        identity: &Identity,
+        picture: impl FnOnce() -> RgbImage,
+        layers: impl FnOnce() -> LayeredImage,
     ) -> Result<()> {
         match (self.format, &mut self.movie) {
-            (Format::Exr, _) => {
-                let mut image = renderer.layers(true);
-                identity.store(&mut image);
-                Ok(write_exr(&frame.path, &image)?)
-            }
-            (Format::Hdr, _) => Ok(write_linear(&frame.path, &renderer.picture())?),
-            (_, None) => Ok(write_png(&frame.path, &self.developer.develop(&renderer.picture()))?),
-            (_, Some(movie)) => movie.add(self.developer.develop(&renderer.picture())),
+            (Format::Exr, _) => Ok(write_exr(&frame.path, &layers())?),
+            (Format::Hdr, _) => Ok(write_linear(&frame.path, &picture())?),
+            (_, None) => Ok(write_png(&frame.path, &self.developer.develop(&picture()))?),
+            (_, Some(movie)) => movie.add(self.developer.develop(&picture())),
         }
     }
 

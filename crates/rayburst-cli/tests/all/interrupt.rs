@@ -10,8 +10,12 @@ use std::{
 use crate::program::{Place, Ran, command};
 
 fn start(place: &Place, output: &str) -> Child {
+    begin(place, &format!("render --size 64x64 --spp 1000000 -o {output}"))
+}
+
+fn begin(place: &Place, line: &str) -> Child {
     command(place.folder())
-        .args(["render", "--size", "64x64", "--spp", "1000000", "-o", output])
+        .args(line.split(' '))
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
@@ -53,4 +57,24 @@ fn the_second_one_ends_the_process() {
     let ran = Ran::new(child.wait_with_output());
     assert!(matches!(ran.code, Some(0 | 130)), "{ran:?}");
     assert!(place.files().iter().all(|f| !f.contains("part")), "{:?}", place.files());
+}
+
+#[test]
+fn frames_end_between_each_other() {
+    let place = Place::new();
+    let line = "render --size 48x48 --integrator hybrid --frames 0..999999 -o f.####.png";
+    let child = begin(&place, line);
+    std::thread::sleep(Duration::from_millis(1500));
+    signal(&child, "-INT");
+    let ran = Ran::new(child.wait_with_output());
+    assert_eq!(ran.code, Some(0), "{ran:?}");
+    let files = place.files();
+    assert!(files.len() > 1 && files.iter().all(|name| name.ends_with(".png")), "{files:?}");
+    let child = begin(&place, "render --size 48x48 --integrator hybrid --spp 10000000 -o one.png");
+    std::thread::sleep(Duration::from_millis(1500));
+    signal(&child, "-INT");
+    let ran = Ran::new(child.wait_with_output());
+    assert_eq!(ran.code, Some(0), "{ran:?}");
+    assert!(ran.stderr.contains("samples a pixel, stopped by you"), "{ran:?}");
+    assert!(place.files().contains(&"one.png".to_owned()));
 }

@@ -3,6 +3,7 @@
 #![allow(clippy::print_stderr)] // A skipped test says why.
 
 mod broken;
+mod frames;
 mod interrupt;
 mod output;
 mod program;

@@ -2,7 +2,7 @@
 
 use crate::program::{Place, Ran, command};
 
-const VERBS: [&str; 12] = [
+const VERBS: [&str; 13] = [
     "render",
     "info",
     "scenes",
@@ -14,6 +14,7 @@ const VERBS: [&str; 12] = [
     "bench build",
     "bench update",
     "bench pipeline",
+    "bench frame",
     "completions",
 ];
 
