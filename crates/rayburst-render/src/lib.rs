@@ -16,6 +16,7 @@ mod footprint;
 mod integrators;
 mod naive;
 mod progress;
+pub mod realtime;
 pub mod reference;
 mod renderer;
 mod settings;

@@ -5,6 +5,7 @@ mod convergence;
 mod determinism;
 mod furnace;
 mod inspection;
+mod raster;
 mod reference;
 mod scenes;
 mod techniques;
