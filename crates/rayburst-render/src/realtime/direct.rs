@@ -16,6 +16,7 @@ use rayon::prelude::*;
 use super::{
     gbuffer::{BAND, GBuffer, PixelSurface, squares},
     pass::FrameContext,
+    shadow_map::ShadowMaps,
     shadows::ShadowRays,
     signals::{Signals, guarded},
 };
@@ -37,9 +38,12 @@ struct Rows<'a> {
 }
 
 /// Fills in the reflectances and, if that pass is wanted, the direct light; returns the rays it took.
+///
+/// With `maps`, one for each of the exact lights, these take the place of the rays to them.
 pub(crate) fn direct_light(
     frame: &FrameContext<'_>,
     gbuffer: &GBuffer,
+    maps: Option<&[ShadowMaps]>,
     signals: &mut Signals,
 ) -> u64 {
     let Signals {
@@ -67,7 +71,7 @@ pub(crate) fn direct_light(
         |shadows, (band, mut rows)| {
             let top = band as u32 * BAND;
             for at in squares(width, top..(top + BAND).min(height)) {
-                pixel(frame, gbuffer, &mut rows, shadows, at);
+                pixel(frame, gbuffer, maps, &mut rows, shadows, at);
             }
             shadows.resolve(frame.scene, frame.opaque, |light, visible| {
                 if visible {
@@ -90,6 +94,7 @@ fn add(rows: &mut Band3<'_>, (x, y): (u32, u32), value: Vec3) {
 fn pixel(
     frame: &FrameContext<'_>,
     gbuffer: &GBuffer,
+    maps: Option<&[ShadowMaps]>,
     rows: &mut Rows<'_>,
     shadows: &mut ShadowRays<Light>,
     (x, y): (u32, u32),
@@ -100,7 +105,8 @@ fn pixel(
     let (diffuse, specular) = surface.bsdf.albedos_apart(surface.wo);
     rows.diffuse_reflectance.set(x, y, diffuse);
     rows.specular_reflectance.set(x, y, specular);
-    if !frame.settings.passes.direct || frame.settings.max_depth < 2 || surface.bsdf.is_delta() {
+    let passes = &frame.settings.passes;
+    if !passes.direct || frame.settings.max_depth < 2 || surface.bsdf.is_delta() {
         return;
     }
     let reflectances = (guarded(diffuse), guarded(specular));
@@ -116,11 +122,18 @@ fn pixel(
                 pdf: 1.0,
                 delta: true,
             };
-            shine(frame, &surface, reflectances, rows, shadows, (x, y), key, &light);
+            let map = maps.and_then(|maps| maps.get(i as usize));
+            if map.is_none_or(|map| {
+                map.is_lit(surface.place.position, surface.place.geometric_normal)
+            }) {
+                let by_rays = passes.shadows && map.is_none();
+                shine(frame, &surface, reflectances, rows, shadows, (x, y), key, &light, by_rays);
+            }
         }
     }
     if let Some(light) = sample(frame, &surface, &sampler, frame.tile((x, y))) {
-        shine(frame, &surface, reflectances, rows, shadows, (x, y), key, &light);
+        let by_rays = passes.shadows;
+        shine(frame, &surface, reflectances, rows, shadows, (x, y), key, &light, by_rays);
     }
 }
 
@@ -155,6 +168,7 @@ fn shine(
     at: (u32, u32),
     key: u32,
     light: &LightSample,
+    by_rays: bool,
 ) {
     if surface.place.geometric_normal.dot(light.direction) <= 0.0 {
         return;
@@ -177,7 +191,7 @@ fn shine(
     if !(sum.max_element() > 0.0 && sum.is_finite()) {
         return;
     }
-    if !passes.shadows {
+    if !by_rays {
         add(&mut rows.diffuse, at, light_item.diffuse);
         add(&mut rows.specular, at, light_item.specular);
         return;

@@ -6,6 +6,7 @@ mod determinism;
 mod frames;
 mod furnace;
 mod inspection;
+mod raster;
 mod reference;
 mod scenes;
 mod screen_space;
