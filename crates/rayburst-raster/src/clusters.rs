@@ -111,7 +111,7 @@ impl Clusters {
         let place = |p: Vec3| transform.map_or(p, |t| t.transform_point3(p));
         let found =
             |&source: &u32| positions.get(source as usize).is_some_and(|p| is_usable(place(*p)));
-        if self.slots.iter().any(|&slot| slot == INACTIVE) || !self.sources.iter().all(found) {
+        if self.slots.contains(&INACTIVE) || !self.sources.iter().all(found) {
             return false;
         }
         for (vertex, &source) in self.vertices.iter_mut().zip(&self.sources) {

@@ -254,9 +254,9 @@ pub(crate) unsafe fn pixel_planes<const PERSPECTIVE: bool>(
         let sign = _mm256_and_pd(no_sign, _mm256_broadcastsd_pd(det));
         let scale = _mm256_or_pd(scale, sign);
         let scaled = |e: __m256d| _mm256_cvtpd_ps(_mm256_mul_pd(e, scale));
-        let px = _mm_insert_ps::<0b00_11_0000>(scaled(ex), nearness);
-        let py = _mm_insert_ps::<0b01_11_0000>(scaled(ey), nearness);
-        let p0 = _mm_insert_ps::<0b10_11_0000>(scaled(e0), nearness);
+        let px = _mm_insert_ps::<0b0011_0000>(scaled(ex), nearness);
+        let py = _mm_insert_ps::<0b0111_0000>(scaled(ey), nearness);
+        let p0 = _mm_insert_ps::<0b1011_0000>(scaled(e0), nearness);
         let nearest = _mm_max_ss(_mm_max_ss(_mm_movehl_ps(n, n), _mm_shuffle_ps::<1>(n, n)), n);
         planes.nearest = _mm_cvtss_f32(nearest);
         _mm_store_ps(planes.x.as_mut_ptr(), px);
