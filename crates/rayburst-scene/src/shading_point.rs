@@ -22,13 +22,20 @@ pub struct ShadingOptions {
     pub lod: TextureLod,
     /// Whether rough surfaces give back the light that single scattering between microfacets loses.
     pub energy_compensation: bool,
-    /// The most taps of a texture lookup, 1 to [`MAX_TAPS`]; longer footprints are widened.
+    /// The most taps of a lookup of colours, 1 to [`MAX_TAPS`]; longer footprints are widened.
     pub most_taps: u32,
+    /// The same of lookups of normals, roughness and metalness.
+    pub most_detail_taps: u32,
 }
 
 impl Default for ShadingOptions {
     fn default() -> Self {
-        Self { lod: TextureLod::Cones, energy_compensation: true, most_taps: MAX_TAPS }
+        Self {
+            lod: TextureLod::Cones,
+            energy_compensation: true,
+            most_taps: MAX_TAPS,
+            most_detail_taps: MAX_TAPS,
+        }
     }
 }
 
@@ -90,11 +97,13 @@ impl FlatScene {
         } else {
             [Vec2::ZERO; 2]
         };
-        let lookup = |slot: &TextureSlot| {
+        let within = |slot: &TextureSlot, most_taps: u32| {
             let set = slot.uv_set.min(1) as usize;
             let axes = steps.map(|weights| surface.uv_change(set, weights));
-            self.texture_within(slot, surface.uv[set], axes, options.most_taps)
+            self.texture_within(slot, surface.uv[set], axes, most_taps)
         };
+        let lookup = |slot: &TextureSlot| within(slot, options.most_taps);
+        let detail = |slot: &TextureSlot| within(slot, options.most_detail_taps);
 
         let [r, g, b, _] = material.base_color;
         let mut base_color = Vec3::new(r, g, b) * surface.color.truncate();
@@ -103,7 +112,7 @@ impl FlatScene {
         }
         let (mut metallic, mut roughness) = (material.metallic, material.roughness);
         if material.metallic_roughness_texture.index().is_some() {
-            let texel = lookup(&material.metallic_roughness_texture);
+            let texel = detail(&material.metallic_roughness_texture);
             roughness *= texel.y;
             metallic *= texel.z;
         }
@@ -137,7 +146,7 @@ impl FlatScene {
 
         let mut normal = surface.shading_normal;
         if material.normal_texture.index().is_some() && surface.tangent.truncate() != Vec3::ZERO {
-            let texel = lookup(&material.normal_texture).truncate();
+            let texel = detail(&material.normal_texture).truncate();
             normal = mapped_normal(surface, material, texel);
         }
         let geometric = surface.normal_towards(wo);

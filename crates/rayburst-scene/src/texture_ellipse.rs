@@ -57,7 +57,8 @@ impl Ellipse {
 }
 
 /// A texture averaged over the parallelogram of two vectors around `uv`, all after any transform and
-/// in units of UV. Broken vectors take the finest level, endless ones the coarsest.
+/// in units of UV. Broken vectors take the finest level, endless ones the coarsest. One tap takes the
+/// level of a square of the same area.
 pub(crate) fn lookup_ellipse(
     texture: &Texture,
     image: &MipMap,
@@ -72,6 +73,9 @@ pub(crate) fn lookup_ellipse(
     }
     let ellipse = Ellipse::of_parallelogram(axes.map(|axis| axis * size));
     let [length, width] = ellipse.lengths;
+    if most_taps == 1 {
+        return trilinear(texture, image, uv, (length * width).sqrt());
+    }
     // What is narrower than a texel is magnified across.
     let tap = width.max(length / most_taps as f32).max(1.0);
     let coarsest = tap >= image.width().max(image.height()) as f32;

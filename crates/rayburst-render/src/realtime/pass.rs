@@ -21,6 +21,8 @@ pub(crate) struct FrameContext<'a> {
     pub(crate) lights: &'a FrameLights,
     pub(crate) settings: &'a FrameSettings,
     pub(crate) shading: ShadingOptions,
+    /// The same for hits beyond the first.
+    pub(crate) path_shading: ShadingOptions,
     /// The polygon lights of each square of pixels.
     pub(crate) tiles: &'a [TileLights],
     /// Number of the frame since the history began.

@@ -150,7 +150,7 @@ impl Paths {
         let surface = scene.surface(hit);
         let wo = -ray.direction;
         let seen = path.footprint.at(ray, hit, &surface);
-        let point = scene.shading_point(&surface, wo, seen, &frame.shading);
+        let point = scene.shading_point(&surface, wo, seen, &frame.path_shading);
         let triangle = [hit.instance, hit.geometry, hit.primitive];
         let closed_form = depth == 2 && frame.is_analytic(path.tile, triangle);
         if point.emitted != Vec3::ZERO && (!closed_form || path.sharp) {

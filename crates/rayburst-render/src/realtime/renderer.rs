@@ -163,6 +163,7 @@ impl FrameRenderer {
             lights: &lights,
             settings: &settings,
             shading: settings.shading(),
+            path_shading: settings.path_shading(),
             number: history.frames(),
         };
         self.visibility(&context)?;

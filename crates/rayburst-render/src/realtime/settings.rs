@@ -172,7 +172,13 @@ impl FrameSettings {
             lod: self.texture_lod,
             energy_compensation: self.energy_compensation,
             most_taps: FRAME_TAPS,
+            most_detail_taps: 1,
         }
+    }
+
+    /// The same for hits beyond the first.
+    pub(crate) fn path_shading(&self) -> ShadingOptions {
+        ShadingOptions { most_taps: 1, ..self.shading() }
     }
 
     /// Whether every setting is in its range.

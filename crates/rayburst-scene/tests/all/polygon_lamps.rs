@@ -104,7 +104,9 @@ fn lamps_become_polygons_and_hits_find_them() {
         assert_eq!((light.instance, light.geometry), (hit.instance, hit.geometry));
         let surface = scene.surface(&hit);
         assert!((surface.geometric_normal.dot(light.normal) - 1.0).abs() < 1e-5);
-        let emitted = scene.shading_point(&surface, -direction, 0.0, &Default::default()).emitted;
+        let emitted = scene
+            .shading_point(&surface, -direction, Default::default(), &Default::default())
+            .emitted;
         assert_eq!(emitted, light.radiance_towards(from));
         seen.insert(index);
     }
