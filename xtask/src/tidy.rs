@@ -15,7 +15,18 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("rayburst-procedural", &["rayburst-math"]),
     ("rayburst-image", &["rayburst-math"]),
     ("rayburst-scene", &["rayburst-math", "rayburst-accel", "rayburst-image"]),
-    ("rayburst-render", &["rayburst-math", "rayburst-accel", "rayburst-image", "rayburst-scene"]),
+    ("rayburst-raster", &["rayburst-math", "rayburst-simd", "rayburst-image"]),
+    (
+        "rayburst-render",
+        &[
+            "rayburst-math",
+            "rayburst-simd",
+            "rayburst-accel",
+            "rayburst-image",
+            "rayburst-raster",
+            "rayburst-scene",
+        ],
+    ),
     (
         "rayburst",
         &[

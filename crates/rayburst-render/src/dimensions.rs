@@ -64,3 +64,6 @@ pub(crate) const POLYGON_CHOICE: u32 = (1 << 24) - 6;
 
 /// Where on it; two numbers.
 pub(crate) const POLYGON_POINT: u32 = (1 << 24) - 8;
+
+/// Which of some points there.
+pub(crate) const POLYGON_CANDIDATE: u32 = (1 << 24) - 5;

@@ -29,6 +29,9 @@ pub enum RenderError {
         /// Its value here.
         now: String,
     },
+    /// The rasteriser.
+    #[error(transparent)]
+    Raster(#[from] rayburst_raster::RasterError),
     /// The film or a file.
     #[error(transparent)]
     Image(#[from] ImageError),

@@ -10,7 +10,10 @@
 use glam::{Vec2, Vec4};
 use rayburst_image::MipMap;
 
-use crate::{Texture, texture_lookup::trilinear};
+use crate::{
+    Texture,
+    texture_lookup::{minified, trilinear},
+};
 
 /// The most taps of a lookup. Longer ellipses are widened, which blurs and does not alias.
 pub const MAX_TAPS: u32 = 16;
@@ -71,10 +74,8 @@ pub(crate) fn lookup_ellipse(texture: &Texture, image: &MipMap, uv: Vec2, axes: 
     let taps = ((length / tap).ceil() as u32).clamp(2, MAX_TAPS);
     let step = ellipse.major / size / taps as f32;
     let first = uv - 0.5 * (taps - 1) as f32 * step;
-    // Also where taps fall on the finest level.
-    let minified = Texture { magnify: texture.minify, ..*texture };
-    let sum: Vec4 =
-        (0..taps).map(|i| trilinear(&minified, image, first + i as f32 * step, tap)).sum();
+    let lod = tap.log2();
+    let sum: Vec4 = (0..taps).map(|i| minified(texture, image, first + i as f32 * step, lod)).sum();
     sum / taps as f32
 }
 

@@ -75,8 +75,14 @@ pub(crate) fn trilinear(texture: &Texture, image: &MipMap, uv: Vec2, texels: f32
     if texels <= 1.0 || texels.is_nan() {
         return filtered(texture, image, 0, uv, texture.magnify);
     }
+    minified(texture, image, uv, texels.log2())
+}
+
+/// A texture at `uv` on the mip level `lod`, which is at least 0, between levels as the texture says.
+#[inline]
+pub(crate) fn minified(texture: &Texture, image: &MipMap, uv: Vec2, lod: f32) -> Vec4 {
     let last = image.levels().len() - 1;
-    let lod = texels.log2().min(last as f32);
+    let lod = lod.min(last as f32);
     match texture.mip {
         None => filtered(texture, image, 0, uv, texture.minify),
         Some(FilterMode::Nearest) => {

@@ -8,6 +8,7 @@ use crate::{
     x86::{EightBoxes, Node, box_and_triangle_methods, sort_descending, store_children},
     x86_group::group_methods,
     x86_lanes::F8,
+    x86_raster::raster_methods,
 };
 
 /// Proof that the CPU has AVX2, FMA, BMI1, BMI2, F16C, LZCNT and POPCNT.
@@ -43,6 +44,7 @@ impl Isa for Avx2 {
 
     box_and_triangle_methods!(F8);
     group_methods!(F8);
+    raster_methods!(cover_tile8);
 }
 
 /// # Safety

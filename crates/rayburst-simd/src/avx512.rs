@@ -9,6 +9,7 @@ use crate::{
     x86::{EightBoxes, Node, box_and_triangle_methods, sort_descending, store_children},
     x86_group::group_methods,
     x86_lanes::F16,
+    x86_raster::raster_methods,
 };
 
 /// Proof that the CPU has AVX-512 F, VL, BW, DQ and CD, and all of [`crate::Avx2`].
@@ -45,6 +46,7 @@ impl Isa for Avx512 {
 
     box_and_triangle_methods!(F16);
     group_methods!(F16);
+    raster_methods!(cover_tile16);
 }
 
 /// # Safety

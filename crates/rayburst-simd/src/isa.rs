@@ -1,9 +1,9 @@
 //! The token of an instruction set and the kernels that run under it.
 
 use crate::{
-    Boxes8, Extent16, Frustum, Group16, GroupAxes, Nearest, Preparation16, QuantizedNode8,
-    Question16, Rays16, Row16, ShearRay, SlabRay, TriangleHits, TriangleRows, Triangles4,
-    compressed, group,
+    Boxes8, Extent16, Frustum, Group16, GroupAxes, Nearest, PixelEdges, PixelPlanes, PixelTile,
+    PixelTriangle, Preparation16, QuantizedNode8, Question16, Rays16, Row16, ShearRay, SlabRay,
+    TilePart, TriangleHits, TriangleRows, Triangles4, compressed, group, raster,
 };
 
 /// A proof that the running CPU has an instruction set: tokens other than [`crate::Scalar`] are only
@@ -303,6 +303,38 @@ pub trait Isa: Copy + Send + Sync + std::fmt::Debug + 'static {
         question: &Question16,
     ) -> (u32, u32) {
         group::triangle16::<NEAREST>(block, lane, axes, group, question)
+    }
+
+    /// The planes of a triangle over pixels; corners and `first` are those of [`PixelTriangle`]. Values are
+    /// meaningless if the determinant is zero.
+    ///
+    /// Products are taken in `f64`, where those of a shared edge's corners are the same for both triangles but
+    /// for the sign; what is rounded is the same for both, too.
+    #[inline(always)]
+    fn pixel_planes<const PERSPECTIVE: bool>(
+        self,
+        corners: &[[f32; 4]; 3],
+        first: [f64; 2],
+        planes: &mut PixelPlanes,
+    ) -> PixelEdges {
+        raster::pixel_planes::<PERSPECTIVE>(corners, first, planes)
+    }
+
+    /// The pixels of a part of a tile that a triangle covers and wins, as bits, row by row: whose centres are
+    /// inside or on left or top edges, where its nearness does not exceed its limit, and where it is nearer than
+    /// what is seen or, if `IDS`, as near and of no greater id. If `WRITE`, it is seen there from now on; without
+    /// `IDS`, ids are left alone. Then, with `IDS`, the pixels it may cover where it is as near as what was seen
+    /// but for rounding ([`PixelPlanes::CLOSE`]).
+    #[inline(always)]
+    fn cover_tile<const IDS: bool, const WRITE: bool>(
+        self,
+        planes: &PixelPlanes,
+        triangle: &PixelTriangle<'_>,
+        part: &TilePart,
+        id: u32,
+        tile: &mut PixelTile,
+    ) -> [u64; 2] {
+        raster::cover_tile::<IDS, WRITE>(planes, triangle, part, id, tile)
     }
 
     /// Asks for the cache line at an address, which need not be valid.

@@ -8,9 +8,11 @@
 
 mod boxes;
 mod compressed;
+mod each;
 mod group;
 mod isa;
 mod level;
+mod raster;
 mod scalar;
 mod triangles;
 
@@ -32,6 +34,8 @@ mod x86_group;
 mod x86_lanes;
 #[cfg(target_arch = "x86_64")]
 mod x86_quads;
+#[cfg(target_arch = "x86_64")]
+mod x86_raster;
 
 #[cfg(target_arch = "x86_64")]
 pub use avx2::Avx2;
@@ -39,6 +43,7 @@ pub use avx2::Avx2;
 pub use avx512::Avx512;
 pub use boxes::{Boxes8, SlabRay};
 pub use compressed::{LEAF_WORDS, QuantizedNode8, TriangleRows, UNIT_WORDS};
+pub use each::{Meetings, Pairs, meet_each};
 pub use group::{
     Extent16, Frustum, GROUP, Group16, GroupAxes, Preparation16, Question16, Rays16, Row16,
 };
@@ -46,6 +51,7 @@ pub use isa::{Isa, Kernel, SLOT};
 pub use level::{ISA_VARIABLE, IsaError, IsaLevel};
 #[cfg(target_arch = "aarch64")]
 pub use neon::Neon;
+pub use raster::{PixelEdges, PixelPlanes, PixelTile, PixelTriangle, TilePart};
 pub use scalar::Scalar;
 #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
 pub use simd128::Simd128;
@@ -55,5 +61,7 @@ pub use triangles::{
 
 #[cfg(test)]
 mod group_tests;
+#[cfg(test)]
+mod raster_tests;
 #[cfg(test)]
 mod tests;

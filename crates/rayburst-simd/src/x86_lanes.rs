@@ -76,7 +76,7 @@ pub(crate) unsafe fn greatest_of_8(v: __m256) -> f32 {
 /// # Safety
 /// The CPU must have AVX2.
 #[inline(always)]
-unsafe fn lanes_of(mask: u32) -> __m256i {
+pub(crate) unsafe fn lanes_of(mask: u32) -> __m256i {
     // SAFETY: the caller's promise.
     unsafe {
         let bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);

@@ -3,21 +3,27 @@
 //! The light that would arrive if nothing were in between has no noise (linearly transformed cosines); a
 //! shadow ray to one point of one of the lights says how much of it does arrive (Heitz, Hill, McGuire:
 //! "Combining Analytic Direct Illumination and Stochastic Shadows", I3D 2018). The light is chosen by what
-//! it brings. Bias: within a light, points count by the solid angle that they cover and not by what the
-//! surface makes of them.
+//! it brings, the point about so. Bias: the share of the light that is blocked counts points by one of a few
+//! candidates, not by exactly what they bring.
 
 use rayburst_image::{Band, Band3};
-use rayburst_math::{Hit, Ray, glam::Vec3};
-use rayburst_scene::ltc::PolygonShading;
+use rayburst_math::{
+    Hit, Ray, Sampler,
+    glam::{Vec2, Vec3},
+};
+use rayburst_scene::ltc::{PolygonLight, PolygonSample, PolygonShading};
 use rayon::prelude::*;
 
 use super::{
-    gbuffer::{BAND, GBuffer, squares},
+    gbuffer::{BAND, GBuffer, PixelSurface, squares},
     pass::FrameContext,
     shadows::closest_hits,
     signals::{Signals, guarded},
 };
 use crate::dimensions;
+
+/// Of smoother surfaces the glossy lobe is left to reflected rays: its closed form is not good enough.
+pub(crate) const SHARP_ROUGHNESS: f32 = 0.1;
 
 struct Rows<'a> {
     diffuse: Band3<'a>,
@@ -99,6 +105,7 @@ fn pixel(
     let wo = surface.frame.to_world(surface.wo);
     let shading = PolygonShading::new(&surface.bsdf, &surface.frame, position, wo);
     let Some(shading) = shading else { return };
+    let sharp = gbuffer.roughness.get(x, y) < SHARP_ROUGHNESS;
     let sampler = frame.sampler((x, y));
     let mut choice = sampler.get_1d(dimensions::POLYGON_CHOICE);
     let (mut diffuse, mut specular, mut chosen, mut sum) = (Vec3::ZERO, Vec3::ZERO, None, 0.0f32);
@@ -109,7 +116,8 @@ fn pixel(
             continue;
         }
         let integral = shading.integrate(light.corners());
-        let (broad, glossy) = (integral.diffuse * radiance, integral.specular * radiance);
+        let broad = integral.diffuse * radiance;
+        let glossy = if sharp { Vec3::ZERO } else { integral.specular * radiance };
         let weight = (broad + glossy).element_sum();
         if !(weight > 0.0 && weight.is_finite()) {
             continue;
@@ -133,15 +141,51 @@ fn pixel(
     if !frame.settings.passes.shadows {
         return;
     }
-    let u = sampler.get_2d(dimensions::POLYGON_POINT);
-    let Some((point, reach)) = light.sample(position, u) else { return };
-    let direction = (point - position).normalize_or_zero();
-    if surface.place.geometric_normal.dot(direction) <= 0.0 {
-        // The part of the light that the surface does not see is not in the closed form either.
-        return;
-    }
+    let Some(sample) = lit_point(&surface, light, &sampler, sharp) else { return };
+    let direction = (sample.point - position).normalize_or_zero();
     let origin = surface.place.spawn(direction);
-    work.rays.push(Ray::with_interval(origin, direction, 0.0, reach));
+    work.rays.push(Ray::with_interval(origin, direction, 0.0, sample.reach));
     work.keys.push(frame.key((x, y)));
     work.targets.push((x, y));
+}
+
+/// Points of the light that are looked at before one is chosen.
+const CANDIDATES: u32 = 4;
+
+/// A point of a light about by what it brings: one of a few by what the
+/// surface makes of them (resampling: Talbot, Cline, Egbert: "Importance Resampling for Global
+/// Illumination", EGSR 2005). `None` where none of them brings anything.
+#[inline]
+fn lit_point(
+    surface: &PixelSurface,
+    light: &PolygonLight,
+    sampler: &Sampler,
+    sharp: bool,
+) -> Option<PolygonSample> {
+    let position = surface.place.position;
+    let base = sampler.get_2d(dimensions::POLYGON_POINT);
+    let mut choice = sampler.get_1d(dimensions::POLYGON_CANDIDATE);
+    let (mut chosen, mut sum) = (None, 0.0f32);
+    for i in 0..CANDIDATES {
+        // Points of a lattice, shifted.
+        let shift = Vec2::new(i as f32 / CANDIDATES as f32, 0.618_034 * i as f32);
+        let u = (base + shift).fract();
+        let Some(sample) = light.sample(position, u) else { continue };
+        let direction = (sample.point - position).normalize_or_zero();
+        let values = surface.bsdf.evaluate_apart(surface.wo, surface.frame.to_local(direction));
+        let glossy = if sharp { Vec3::ZERO } else { values.glossy };
+        let weight = (values.broad + glossy).element_sum() / sample.pdf;
+        if !(weight > 0.0 && weight.is_finite()) {
+            continue;
+        }
+        sum += weight;
+        let share = weight / sum;
+        if choice < share {
+            chosen = Some(sample);
+            choice /= share;
+        } else {
+            choice = (choice - share) / (1.0 - share);
+        }
+    }
+    chosen
 }

@@ -10,12 +10,13 @@ use rayburst_math::{
     Ray, Sampler,
     glam::{Vec2, Vec3},
 };
-use rayburst_scene::{FlatScene, LightSample};
+use rayburst_scene::LightSample;
 use rayon::prelude::*;
 
 use super::{
     gbuffer::{BAND, GBuffer, PixelSurface, squares},
     pass::FrameContext,
+    shadow_map::ShadowMaps,
     shadows::ShadowRays,
     signals::{Signals, guarded},
 };
@@ -37,9 +38,12 @@ struct Rows<'a> {
 }
 
 /// Fills in the reflectances and, if that pass is wanted, the direct light; returns the rays it took.
+///
+/// With `maps`, one for each of the exact lights, these take the place of the rays to them.
 pub(crate) fn direct_light(
     frame: &FrameContext<'_>,
     gbuffer: &GBuffer,
+    maps: Option<&[ShadowMaps]>,
     signals: &mut Signals,
 ) -> u64 {
     let Signals {
@@ -67,7 +71,7 @@ pub(crate) fn direct_light(
         |shadows, (band, mut rows)| {
             let top = band as u32 * BAND;
             for at in squares(width, top..(top + BAND).min(height)) {
-                pixel(frame, gbuffer, &mut rows, shadows, at);
+                pixel(frame, gbuffer, maps, &mut rows, shadows, at);
             }
             shadows.resolve(frame.scene, frame.opaque, |light, visible| {
                 if visible {
@@ -90,6 +94,7 @@ fn add(rows: &mut Band3<'_>, (x, y): (u32, u32), value: Vec3) {
 fn pixel(
     frame: &FrameContext<'_>,
     gbuffer: &GBuffer,
+    maps: Option<&[ShadowMaps]>,
     rows: &mut Rows<'_>,
     shadows: &mut ShadowRays<Light>,
     (x, y): (u32, u32),
@@ -100,7 +105,8 @@ fn pixel(
     let (diffuse, specular) = surface.bsdf.albedos_apart(surface.wo);
     rows.diffuse_reflectance.set(x, y, diffuse);
     rows.specular_reflectance.set(x, y, specular);
-    if !frame.settings.passes.direct || frame.settings.max_depth < 2 || surface.bsdf.is_delta() {
+    let passes = &frame.settings.passes;
+    if !passes.direct || frame.settings.max_depth < 2 || surface.bsdf.is_delta() {
         return;
     }
     let reflectances = (guarded(diffuse), guarded(specular));
@@ -115,26 +121,29 @@ fn pixel(
                 radiance: arrival.illuminance,
                 pdf: 1.0,
                 delta: true,
-                emitter: None,
             };
-            shine(frame, &surface, reflectances, rows, shadows, (x, y), key, &light);
+            let map = maps.and_then(|maps| maps.get(i as usize));
+            if map.is_none_or(|map| {
+                map.is_lit(surface.place.position, surface.place.geometric_normal)
+            }) {
+                let by_rays = passes.shadows && map.is_none();
+                shine(frame, &surface, reflectances, rows, shadows, (x, y), key, &light, by_rays);
+            }
         }
     }
-    let tile = frame.tile((x, y));
-    let sampled = sample(frame.scene, frame, &surface, &sampler)
-        .filter(|light| light.emitter.is_none_or(|triangle| !frame.is_analytic(tile, triangle)));
-    if let Some(light) = sampled {
-        shine(frame, &surface, reflectances, rows, shadows, (x, y), key, &light);
+    if let Some(light) = sample(frame, &surface, &sampler, frame.tile((x, y))) {
+        let by_rays = passes.shadows;
+        shine(frame, &surface, reflectances, rows, shadows, (x, y), key, &light, by_rays);
     }
 }
 
-/// One of the lights that are sampled at random.
+/// One of the lights that are sampled at random; none for those that have a closed form here.
 #[inline]
 fn sample(
-    scene: &FlatScene,
     frame: &FrameContext<'_>,
     surface: &PixelSurface,
     sampler: &Sampler,
+    tile: u32,
 ) -> Option<LightSample> {
     if frame.lights.primary.is_empty() {
         return None;
@@ -142,7 +151,10 @@ fn sample(
     let numbers = dimensions::Vertex::at_depth(1);
     let choice = sampler.get_1d(numbers.light_choice());
     let u: Vec2 = sampler.get_2d(numbers.light_point());
-    frame.lights.primary.sample_from(scene, surface.place.position, choice, u)
+    let (from, lights) = (surface.place.position, &frame.lights.primary);
+    lights.sample_except(frame.scene, from, choice, u, |instance, geometry, primitive| {
+        frame.is_analytic(tile, [instance, geometry, primitive])
+    })
 }
 
 /// Adds a shadow ray to a light, or its light where shadows are not wanted.
@@ -156,6 +168,7 @@ fn shine(
     at: (u32, u32),
     key: u32,
     light: &LightSample,
+    by_rays: bool,
 ) {
     if surface.place.geometric_normal.dot(light.direction) <= 0.0 {
         return;
@@ -178,7 +191,7 @@ fn shine(
     if !(sum.max_element() > 0.0 && sum.is_finite()) {
         return;
     }
-    if !passes.shadows {
+    if !by_rays {
         add(&mut rows.diffuse, at, light_item.diffuse);
         add(&mut rows.specular, at, light_item.specular);
         return;

@@ -12,6 +12,7 @@ use rayburst_scene::BsdfSample;
 use rayon::prelude::*;
 
 use super::{
+    analytic::SHARP_ROUGHNESS,
     gbuffer::{BAND, GBuffer, PixelKind, PixelSurface, squares},
     pass::FrameContext,
     paths::{PathRay, PathResult, Paths, density},
@@ -111,7 +112,8 @@ impl Work {
         let normal = surface.frame.normal;
         let turn = Turn { wi, transmitted: false, normal, eta: 1.0, spread: sample.spread };
         let footprint = self.turned(frame, gbuffer, (x, y), &turn);
-        self.push(frame, (x, y), ray, throughput, &sample, footprint);
+        let sharp = lobe == Lobe::Glossy && gbuffer.roughness.get(x, y) < SHARP_ROUGHNESS;
+        self.push(frame, (x, y), ray, throughput, &sample, footprint, sharp);
         self.targets.push((lobe, target));
     }
 
@@ -147,6 +149,7 @@ impl Work {
         throughput: Vec3,
         sample: &BsdfSample,
         footprint: RayFootprint,
+        sharp: bool,
     ) {
         let state = PathRay {
             throughput,
@@ -156,8 +159,8 @@ impl Work {
             specular: sample.delta,
             sampler: frame.sampler(at),
             key: frame.key(at),
-            // A smooth lobe has no closed form, and mirrors have none at all.
-            tile: if sample.delta { u32::MAX } else { frame.tile(at) },
+            tile: frame.tile(at),
+            sharp,
         };
         self.paths.start(ray, state);
     }
@@ -177,7 +180,7 @@ impl Work {
         let ray = Ray::new(surface.spawn(sample.wi), sample.wi);
         let arrival = Arrival { scene: frame.scene, ray: &eye, hit, surface: &surface };
         let footprint = footprint.turned(&arrival, &Turn::of_sample(&point, &sample));
-        self.push(frame, (x, y), ray, sample.weight, &sample, footprint);
+        self.push(frame, (x, y), ray, sample.weight, &sample, footprint, true);
         self.targets.push((Lobe::Whole, (x, y)));
     }
 }

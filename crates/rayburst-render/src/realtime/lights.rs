@@ -100,12 +100,17 @@ impl FrameLights {
     }
 
     /// The most important polygon lights of each square of pixels, row by row.
-    pub(crate) fn choose(&self, gbuffer: &GBuffer, tiles: &mut Vec<TileLights>) {
+    pub(crate) fn choose(
+        &self,
+        gbuffer: &GBuffer,
+        settings: &FrameSettings,
+        tiles: &mut Vec<TileLights>,
+    ) {
         let (width, height) = gbuffer.size();
         let (columns, rows) = (width.div_ceil(BAND), height.div_ceil(BAND));
         tiles.clear();
         tiles.resize((columns * rows) as usize, TileLights::default());
-        if self.polygons.is_empty() {
+        if self.polygons.is_empty() || !settings.passes.direct || settings.max_depth < 2 {
             return;
         }
         tiles.par_iter_mut().enumerate().for_each(|(i, tile)| {

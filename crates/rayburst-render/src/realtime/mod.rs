@@ -7,6 +7,7 @@
 mod analytic;
 mod composite;
 mod direct;
+mod eye_rays;
 mod gbuffer;
 mod history;
 mod indirect;
@@ -21,6 +22,7 @@ mod renderer;
 mod screen;
 mod screen_pass;
 mod settings;
+mod shadow_map;
 mod shadows;
 mod signals;
 mod ssao;
@@ -42,3 +44,4 @@ pub use ssr::{
     ScreenReflections, ScreenReflectionsInput, ScreenReflectionsSettings, screen_reflections,
 };
 pub use view::FrameView;
+pub use visibility::{PrimaryRaster, rasterise, trace_primary};

@@ -34,9 +34,11 @@ pub(crate) struct PathRay {
     pub(crate) sampler: Sampler,
     /// The root of the path's alpha decisions.
     pub(crate) key: u32,
-    /// The square whose polygon lights the first ray does not find, as they were added already; none if
-    /// there is no such.
+    /// The square whose polygon lights have a closed form.
     pub(crate) tile: u32,
+    /// Whether that does not hold for the lobe that the first ray left by: it finds these lights, and
+    /// nothing else does.
+    pub(crate) sharp: bool,
 }
 
 /// What a path brought back.
@@ -127,9 +129,14 @@ impl Paths {
         if !hit.is_hit() {
             let radiance = lights.all.environment_radiance(scene, ray.direction);
             if radiance != Vec3::ZERO {
-                let weight = estimator::found_weight(both, path.pdf, || {
-                    sampler.environment_pdf(scene, ray.direction)
-                });
+                let alone = depth == 2 && !settings.passes.direct;
+                let weight = if alone {
+                    1.0
+                } else {
+                    estimator::found_weight(both, path.pdf, || {
+                        sampler.environment_pdf(scene, ray.direction)
+                    })
+                };
                 result.radiance += path.throughput * radiance * weight;
             }
             if path.specular {
@@ -145,11 +152,16 @@ impl Paths {
         let seen = path.footprint.at(ray, hit, &surface);
         let point = scene.shading_point(&surface, wo, seen, &frame.shading);
         let triangle = [hit.instance, hit.geometry, hit.primitive];
-        let known = depth == 2 && frame.is_analytic(path.tile, triangle);
-        if point.emitted != Vec3::ZERO && !known {
-            let weight = estimator::found_weight(both, path.pdf, || {
-                sampler.emitter_pdf(scene, hit, ray.origin, ray.direction)
-            });
+        let closed_form = depth == 2 && frame.is_analytic(path.tile, triangle);
+        if point.emitted != Vec3::ZERO && (!closed_form || path.sharp) {
+            let alone = closed_form || (depth == 2 && !settings.passes.direct);
+            let weight = if alone {
+                1.0
+            } else {
+                estimator::found_weight(both, path.pdf, || {
+                    sampler.emitter_pdf(scene, hit, ray.origin, ray.direction)
+                })
+            };
             result.radiance += path.throughput * point.emitted * weight;
         }
         if depth >= settings.max_depth {

@@ -5,6 +5,7 @@ use std::{sync::Arc, time::Instant};
 use rayburst_image::Plane3;
 use rayburst_math::glam::{Vec2, Vec3};
 use rayburst_scene::{Camera, FlatScene};
+use rayburst_simd::IsaLevel;
 
 use super::{
     analytic::analytic_light,
@@ -20,12 +21,13 @@ use super::{
     quads::Quads,
     screen_pass::{self, ScreenWork},
     settings::{FrameMode, FrameSettings, Technique},
+    shadow_map::ShadowMaps,
     signals::Signals,
     technique::Chooser,
     view::FrameView,
-    visibility::trace_primary,
+    visibility::{PrimaryRaster, rasterise, trace_primary},
 };
-use crate::Result;
+use crate::{Result, integrators::ray_key};
 
 /// What a pass took.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,6 +89,9 @@ pub struct FrameRenderer {
     passes: Vec<PassReport>,
     choosers: Choosers,
     screen: ScreenWork,
+    raster: Option<PrimaryRaster>,
+    maps: Vec<ShadowMaps>,
+    keys: Vec<u32>,
 }
 
 impl FrameRenderer {
@@ -110,6 +115,9 @@ impl FrameRenderer {
             passes: Vec::new(),
             choosers: Choosers::default(),
             screen: ScreenWork::default(),
+            raster: None,
+            maps: Vec::new(),
+            keys: Vec::new(),
         })
     }
 
@@ -157,7 +165,7 @@ impl FrameRenderer {
             shading: settings.shading(),
             number: history.frames(),
         };
-        self.visibility(&context);
+        self.visibility(&context)?;
         let motion = Motion::new(view, scene, history.before());
         self.timed("gbuffer", None, |this| {
             let sky = |direction| lights.sky(scene, direction);
@@ -167,13 +175,11 @@ impl FrameRenderer {
         let mut tiles = std::mem::take(&mut self.tiles);
         self.timed("tiles", None, |this| {
             this.signals.clear();
-            lights.choose(&this.gbuffer, &mut tiles);
+            lights.choose(&this.gbuffer, &settings, &mut tiles);
             ((), 0)
         });
         context.tiles = &tiles;
-        self.timed("direct", None, |this| {
-            ((), direct_light(&context, &this.gbuffer, &mut this.signals))
-        });
+        self.direct(&context)?;
         self.timed("polygon_lights", None, |this| {
             ((), analytic_light(&context, &this.gbuffer, &mut this.signals))
         });
@@ -219,16 +225,58 @@ impl FrameRenderer {
     }
 
     /// What every pixel sees.
-    fn visibility(&mut self, context: &FrameContext<'_>) {
+    fn visibility(&mut self, context: &FrameContext<'_>) -> Result<()> {
         let settings = context.settings;
         let technique = self.choosers.visibility.choose(settings.gbuffer, settings.quality, true);
         self.timed("visibility", Some(technique), |this| {
-            let key = |at| pixel_key(settings.seed, at, context.number);
-            let hits = &mut this.gbuffer.hits;
-            trace_primary(context.scene, context.opaque, context.view, key, hits);
-            ((), hits.len() as u64)
-        });
+            let (width, height) = context.view.size();
+            this.keys.clear();
+            if !context.opaque {
+                let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+                let key = |at| ray_key(pixel_key(settings.seed, at, context.number), 1);
+                this.keys.extend(pixels.map(key));
+            }
+            let Self { raster, keys, gbuffer: GBuffer { hits, .. }, .. } = this;
+            let raster = raster.get_or_insert_with(|| new_raster(context.scene));
+            let (camera, jitter) = (context.view.camera(), context.view.jitter());
+            match technique {
+                Technique::Rays => {
+                    trace_primary(context.scene, camera, (width, height), jitter, keys, hits);
+                    (Ok(()), hits.len() as u64)
+                }
+                _ => {
+                    let size = (width, height);
+                    (rasterise(raster, context.scene, camera, size, jitter, keys, hits), 0)
+                }
+            }
+        })?;
         self.note(|choosers| &mut choosers.visibility);
+        Ok(())
+    }
+
+    /// Light from punctual and sampled lights.
+    fn direct(&mut self, context: &FrameContext<'_>) -> Result<()> {
+        let settings = context.settings;
+        let exact = &context.lights.exact;
+        let any = settings.passes.direct && settings.passes.shadows && !exact.is_empty();
+        let technique = self.choosers.shadows.choose(settings.shadows, settings.quality, false);
+        let by_maps = any && technique == Technique::Raster;
+        self.timed("direct", any.then_some(technique), |this| {
+            let Self { raster, gbuffer, signals, maps, .. } = this;
+            let raster = raster.get_or_insert_with(|| new_raster(context.scene));
+            if by_maps {
+                maps.resize_with(exact.len(), ShadowMaps::default);
+                for (maps, light) in maps.iter_mut().zip(exact) {
+                    if let Err(error) = maps.draw(raster, context.scene, light) {
+                        return (Err(error), 0);
+                    }
+                }
+            }
+            let maps = by_maps.then_some(&maps[..]);
+            (Ok(()), direct_light(context, gbuffer, maps, signals))
+        })?;
+        self.note(|choosers| &mut choosers.shadows);
+        Ok(())
     }
 
     /// Light along sampled rays, and reflections.
@@ -291,8 +339,15 @@ impl FrameRenderer {
 #[derive(Clone, Copy, Debug, Default)]
 struct Choosers {
     visibility: Chooser,
+    shadows: Chooser,
     reflections: Chooser,
     occlusion: Chooser,
+}
+
+/// A rasteriser with the instruction set that the scene is traced with.
+fn new_raster(scene: &FlatScene) -> PrimaryRaster {
+    let isa = scene.tlas.blases().first().map_or_else(IsaLevel::detect, |blas| blas.isa());
+    PrimaryRaster::new(isa)
 }
 
 /// Of a scene's bounds; 1 if it is empty.

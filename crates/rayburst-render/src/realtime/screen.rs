@@ -17,6 +17,8 @@ pub(super) struct Screen {
     frame: [Vec3; 3],
     half: Vec2,
     size: Vec2,
+    /// From pixels to the plane at distance 1, x right and y up.
+    scale: Vec2,
     pub(super) perspective: bool,
 }
 
@@ -28,7 +30,8 @@ impl Screen {
         };
         let size = Vec2::new(width as f32, height as f32);
         let half = Vec2::new(half_height * size.x / size.y.max(1.0), half_height);
-        Self { eye: camera.eye(), frame: camera.frame(), half, size, perspective }
+        let scale = 2.0 * half / size.max(Vec2::ONE) * Vec2::new(1.0, -1.0);
+        Self { eye: camera.eye(), frame: camera.frame(), half, size, scale, perspective }
     }
 
     /// A world direction in view space.
@@ -47,7 +50,7 @@ impl Screen {
     /// +0.5.
     #[inline]
     pub(super) fn at(&self, pixel: Vec2, depth: f32) -> Vec3 {
-        let p = (2.0 * pixel / self.size - Vec2::ONE) * self.half * Vec2::new(1.0, -1.0);
+        let p = (pixel - 0.5 * self.size) * self.scale;
         (if self.perspective { p * depth } else { p }).extend(depth)
     }
 

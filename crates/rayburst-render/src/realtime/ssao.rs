@@ -140,7 +140,7 @@ impl Pass<'_> {
     /// The open part of the slice through the direction to the eye and `along`, a unit vector at right
     /// angles to it; 1 on average over all slices where nothing occludes.
     fn open_in_slice(&self, point: &Point, along: Vec3, reach: f32, shift: f32) -> f32 {
-        let Point { position, normal, to_eye, pixel } = *point;
+        let Point { position, normal, to_eye, .. } = *point;
         let across = along.cross(to_eye);
         let projected = normal - across * normal.dot(across);
         let length = projected.length();
@@ -148,17 +148,7 @@ impl Pass<'_> {
             return length;
         };
         let tilt = (projected.dot(along)).atan2(projected.dot(to_eye));
-        let side = |sign: f32| {
-            let steps = self.settings.steps.clamp(1, MOST);
-            let mut highest = -1.0f32;
-            for step in 0..steps {
-                // Closer together near the point, where occluders cover more.
-                let t = (step as f32 + shift) / steps as f32;
-                let distance = (reach * t * t).max(1.0);
-                highest = highest.max(self.elevation(point, pixel + sign * distance * direction));
-            }
-            highest.clamp(-1.0, 1.0).acos()
-        };
+        let side = |sign: f32| self.horizon(point, sign * direction, reach, shift);
         let (right, left) = (side(1.0), -side(-1.0));
         // Horizons are angles from the direction to the eye; none is below the surface.
         let arc = |horizon: f32| {
@@ -178,27 +168,64 @@ impl Pass<'_> {
         (moved * Vec2::new(1.0, -1.0)).try_normalize()
     }
 
-    /// Cosine of the angle between the direction to the eye and what a place of the picture shows; −1
-    /// if that is too far away, not above the surface, or nothing.
-    fn elevation(&self, point: &Point, place: Vec2) -> f32 {
+    /// The highest horizon within the radius along a direction of the screen, as an angle from the
+    /// direction to the eye.
+    fn horizon(&self, point: &Point, direction: Vec2, reach: f32, shift: f32) -> f32 {
+        let steps = self.settings.steps.clamp(1, MOST);
+        let radius = self.settings.radius;
+        let mut highest = -1.0f32;
+        let mut before: Option<Vec3> = None;
+        for step in 0..steps {
+            // Closer together near the point, where occluders cover more.
+            let t = (step as f32 + shift) / steps as f32;
+            let place = point.pixel + direction * (reach * t * t).max(1.0);
+            let Some(to) = self.seen(point, place) else {
+                before = None;
+                continue;
+            };
+            let distance = to.length();
+            if distance <= radius {
+                highest = highest.max(elevation(point, to, distance));
+            } else if let Some(inside) = before.filter(|b| b.length_squared() < radius * radius) {
+                // The surface goes on to where the radius ends, between two samples.
+                let step = to - inside;
+                if step.length() <= radius {
+                    let end = inside + step * leaves_sphere(inside, step, radius);
+                    highest = highest.max(elevation(point, end, end.length()));
+                }
+            }
+            before = Some(to);
+        }
+        highest.clamp(-1.0, 1.0).acos()
+    }
+
+    /// From a point to what a place of the picture shows.
+    fn seen(&self, point: &Point, place: Vec2) -> Option<Vec3> {
         let (width, height) = self.depth.size();
         let inside =
             place.cmpge(Vec2::ZERO).all() && place.x < width as f32 && place.y < height as f32;
         if !inside {
-            return -1.0;
+            return None;
         }
         let (x, y) = (place.x as u32, place.y as u32);
         let depth = self.depth.get(x, y);
-        if !self.screen.is_surface(depth) {
-            return -1.0;
-        }
         let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
         let to = self.screen.at(centre, depth) - point.position;
-        let distance = to.length();
-        let above = to.dot(point.normal) > LEAST_ELEVATION * distance;
-        if !above || distance > self.settings.radius || distance == 0.0 {
-            return -1.0;
-        }
-        to.dot(point.to_eye) / distance
+        self.screen.is_surface(depth).then_some(to)
     }
+}
+
+/// Cosine of the angle between the direction to the eye and that to something; −1 if that is not above
+/// the surface.
+fn elevation(point: &Point, to: Vec3, distance: f32) -> f32 {
+    let above = to.dot(point.normal) > LEAST_ELEVATION * distance && distance > 0.0;
+    if above { to.dot(point.to_eye) / distance } else { -1.0 }
+}
+
+/// The share of a step at which it leaves a sphere around the origin, in which it begins.
+fn leaves_sphere(from: Vec3, step: Vec3, radius: f32) -> f32 {
+    let (a, b) = (step.length_squared(), from.dot(step));
+    let c = from.length_squared() - radius * radius;
+    let root = (b * b - a * c).max(0.0).sqrt();
+    ((root - b) / a.max(f32::MIN_POSITIVE)).clamp(0.0, 1.0)
 }

@@ -71,6 +71,9 @@ pub struct ScreenReflections {
     /// 1 where something was met, 0 where the ray left the screen, went behind something, or found
     /// nothing.
     pub validity: Plane,
+    /// Of what is on the screen, NaN where nothing is: not to be worked out for every step of every
+    /// ray.
+    nearness: Plane,
 }
 
 /// Follows rays across the picture. `found` is made anew where it is not of the right size. The same
@@ -88,7 +91,15 @@ pub fn screen_reflections(
         fit(plane, size)?;
     }
     let screen = Screen::new(input.camera, input.depth.size());
-    let march = March { depth: input.depth, screen, settings };
+    fit(&mut found.nearness, input.depth.size())?;
+    let mut rows: Vec<Band<'_>> = found.nearness.bands_mut(1).collect();
+    rows.par_iter_mut().for_each(|row| {
+        let y = row.top();
+        for (nearness, &depth) in row.row_mut(y).iter_mut().zip(input.depth.row(y)) {
+            *nearness = if screen.is_surface(depth) { screen.nearness(depth) } else { f32::NAN };
+        }
+    });
+    let march = March { nearness: &found.nearness, screen, settings };
     let colours = found.colour.bands_mut(BAND);
     let distances = found.distance.bands_mut(BAND).zip(found.validity.bands_mut(BAND));
     let mut bands: Vec<(Band3<'_>, (Band<'_>, Band<'_>))> = colours.zip(distances).collect();
@@ -106,7 +117,7 @@ pub fn screen_reflections(
 }
 
 struct March<'a> {
-    depth: &'a Plane,
+    nearness: &'a Plane,
     screen: Screen,
     settings: &'a ScreenReflectionsSettings,
 }
@@ -146,6 +157,15 @@ impl Look {
     }
 }
 
+/// See [`March::pixels`].
+struct Pixels {
+    along: i32,
+    nearest: i32,
+    /// 1 or −1.
+    towards: i32,
+    share: f32,
+}
+
 /// Centres of pixels along the main direction of a line.
 struct Centres {
     first: f32,
@@ -169,12 +189,16 @@ impl March<'_> {
         let stride = self.settings.stride.max(1);
         let centres = line.centres(range);
         let steps = centres.count.div_ceil(stride).min(self.settings.steps);
-        let mut before = Look::nothing(range.0, line.nearness);
-        let mut in_front = true;
+        let (mut before, mut in_front) = (range.0, true);
         for step in 0..steps {
             let last = ((step + 1) * stride).min(centres.count) - 1;
-            let now = self.look(&line, centres.at(last));
-            if in_front && self.meets(&before, &now) {
+            let s = centres.at(last);
+            if self.is_far_in_front(&line, s) {
+                (before, in_front) = (s, true);
+                continue;
+            }
+            let now = self.look(&line, s);
+            if in_front && self.meets(line.at(before), &now) {
                 let first = step * stride;
                 let fine = if first < last {
                     self.refine(&line, before, (first..=last).map(|i| centres.at(i)))
@@ -182,10 +206,12 @@ impl March<'_> {
                     Some((before, now))
                 };
                 if let Some((a, b)) = fine {
+                    // Where the ray begins there is nothing to compare with.
+                    let a = if a == range.0 { Look::nothing(a, 0.0) } else { self.look(&line, a) };
                     return self.hit(&line, &a, &b);
                 }
             }
-            (before, in_front) = (now, now.is_in_front());
+            (before, in_front) = (s, now.is_in_front());
         }
         None
     }
@@ -214,7 +240,7 @@ impl March<'_> {
         let line = Line { start, delta, along_x, nearness, slope, length };
         // Liang and Barsky's clipping to the screen (ACM Transactions on Graphics 1984).
         let (mut low, mut high) = (0.0f32, 1.0f32);
-        let size = self.depth.size();
+        let size = self.nearness.size();
         for (p, d, most) in [(start.x, delta.x, size.0 as f32), (start.y, delta.y, size.1 as f32)] {
             if d == 0.0 {
                 if !(0.0..most).contains(&p) {
@@ -229,42 +255,61 @@ impl March<'_> {
         (low < high).then_some((line, (low, high)))
     }
 
+    /// Two pixels at a place whose coordinate along the line's main direction is that of a pixel's
+    /// centre: the nearest, the next across that direction, and how far towards it the place is.
+    #[inline]
+    fn pixels(&self, line: &Line, s: f32) -> Pixels {
+        let place = line.start + s * line.delta;
+        let (along, across) = if line.along_x { (place.x, place.y) } else { (place.y, place.x) };
+        // Places are on the screen: rounding towards zero is rounding down.
+        let (along, nearest) = (along as i32, across as i32);
+        let off = across - 0.5 - nearest as f32;
+        Pixels { along, nearest, towards: if off < 0.0 { -1 } else { 1 }, share: off.abs() }
+    }
+
+    /// Nearness of one of those pixels, or NaN.
+    #[inline]
+    fn at(&self, line: &Line, pixels: &Pixels, steps: i32) -> f32 {
+        let across = pixels.nearest + steps * pixels.towards;
+        let (x, y) = if line.along_x { (pixels.along, across) } else { (across, pixels.along) };
+        let (width, height) = self.nearness.size();
+        // Negative numbers become large ones.
+        let inside = (x as u32) < width && (y as u32) < height;
+        if inside { self.nearness.get(x as u32, y as u32) } else { f32::NAN }
+    }
+
+    /// Whether the ray is in front of both pixels at a place: most are.
+    #[inline]
+    fn is_far_in_front(&self, line: &Line, s: f32) -> bool {
+        let ray = line.at(s);
+        let pixels = self.pixels(line, s);
+        let here = self.at(line, &pixels, 0);
+        let next = self.at(line, &pixels, 1);
+        (ray >= here || here.is_nan()) && (ray >= next || next.is_nan())
+    }
+
     /// The ray and the picture at a place of the line.
     fn look(&self, line: &Line, s: f32) -> Look {
         let ray = line.at(s);
-        match self.seen(line.start + s * line.delta, line.along_x) {
-            Some(seen) => Look { s, lead: ray - seen, ray, seen },
-            None => Look::nothing(s, ray),
-        }
+        let seen = self.seen(line, s);
+        if seen.is_nan() { Look::nothing(s, ray) } else { Look { s, lead: ray - seen, ray, seen } }
     }
 
-    /// Nearness of what is seen at a place whose coordinate along the line's main direction is that of
-    /// a pixel's centre: in between of two pixels across that direction if both are of one surface.
-    fn seen(&self, place: Vec2, along_x: bool) -> Option<f32> {
-        let (width, height) = self.depth.size();
-        let across = if along_x { place.y } else { place.x } - 0.5;
-        let (near, off) = (across.round(), across - across.round());
-        let step = if off < 0.0 { -1 } else { 1 };
-        let at = |steps: i32| {
-            let (x, y) = if along_x {
-                (place.x.floor() as i32, near as i32 + steps)
-            } else {
-                (near as i32 + steps, place.y.floor() as i32)
-            };
-            let inside = x >= 0 && y >= 0 && x < width as i32 && y < height as i32;
-            let depth = if inside { self.depth.get(x as u32, y as u32) } else { f32::INFINITY };
-            self.screen.is_surface(depth).then(|| self.screen.nearness(depth))
-        };
-        let here = at(0)?;
-        let Some(next) = at(step) else { return Some(here) };
-        // Steep surfaces change much from pixel to pixel, but evenly.
+    /// Nearness of what is seen at a place: in between of two pixels if both are of one surface. NaN
+    /// where nothing is seen.
+    fn seen(&self, line: &Line, s: f32) -> f32 {
+        let pixels = self.pixels(line, s);
+        let (here, next) = (self.at(line, &pixels, 0), self.at(line, &pixels, 1));
+        if here.is_nan() || next.is_nan() {
+            return here;
+        }
         let change = next - here;
-        let goes_on =
-            |a: Option<f32>, b: f32| a.is_some_and(|a| (b - a - change).abs() < 0.2 * change.abs());
+        // Steep surfaces change much from pixel to pixel, but evenly. NaN is not even.
+        let goes_on = |from: f32, to: f32| (to - from - change).abs() < 0.2 * change.abs();
         let smooth = self.is_close(here, next)
-            || goes_on(at(-step), here)
-            || at(2 * step).is_some_and(|beyond| goes_on(Some(next), beyond));
-        Some(if smooth { here + change * off.abs() } else { here })
+            || goes_on(self.at(line, &pixels, -1), here)
+            || goes_on(next, self.at(line, &pixels, 2));
+        if smooth { here + change * pixels.share } else { here }
     }
 
     /// Whether two pixels side by side are of one surface.
@@ -273,27 +318,28 @@ impl March<'_> {
         (a - b).abs() <= self.settings.thickness.min(STEEP * a.abs())
     }
 
-    /// Whether the ray passes from in front of the picture to behind it, but not behind the thickness
-    /// of what is seen.
-    fn meets(&self, before: &Look, now: &Look) -> bool {
-        let entering = self.screen.depth(before.ray.max(now.ray));
+    /// Whether the ray, of the nearness `before` one step earlier, passes from in front of the picture
+    /// to behind it, but not behind the thickness of what is seen.
+    fn meets(&self, before: f32, now: &Look) -> bool {
+        let entering = self.screen.depth(before.max(now.ray));
         !now.is_in_front() && entering <= self.screen.depth(now.seen) + self.settings.thickness
     }
 
-    /// The step from one pixel to the next at which the ray meets something, if it does.
+    /// The step from one pixel to the next at which the ray meets something, if it does: where it
+    /// begins, and what is at its end.
     fn refine(
         &self,
         line: &Line,
-        mut before: Look,
+        mut before: f32,
         places: impl Iterator<Item = f32>,
-    ) -> Option<(Look, Look)> {
+    ) -> Option<(f32, Look)> {
         let mut in_front = true;
         for s in places {
             let now = self.look(line, s);
-            if in_front && self.meets(&before, &now) {
+            if in_front && self.meets(line.at(before), &now) {
                 return Some((before, now));
             }
-            (before, in_front) = (now, now.is_in_front());
+            (before, in_front) = (s, now.is_in_front());
         }
         None
     }
@@ -305,7 +351,7 @@ impl March<'_> {
         let share = if one_surface { a.lead / (a.lead - b.lead) } else { 1.0 };
         let s = a.s + (b.s - a.s) * share.clamp(0.0, 1.0);
         let place = line.start + s * line.delta;
-        let (width, height) = self.depth.size();
+        let (width, height) = self.nearness.size();
         let (x, y) = (place.x.max(0.0) as u32, place.y.max(0.0) as u32);
         let (x, y) = (x.min(width - 1), y.min(height - 1));
         let distance = line.distance(s, self.screen.perspective);

@@ -4,8 +4,9 @@ use rayburst_math::{
     Ray, RayCone,
     glam::{Vec2, Vec3},
 };
-use rayburst_scene::{Camera, Projection, TextureLod};
+use rayburst_scene::{Camera, TextureLod};
 
+use super::eye_rays::EyeRays;
 use crate::RayFootprint;
 
 /// A camera at one frame: with the size it is rendered at, and where in the pixels rays go through.
@@ -16,10 +17,7 @@ pub struct FrameView {
     camera: Camera,
     size: (u32, u32),
     jitter: Vec2,
-    /// s(x, y) = corner + x·across + y·down (Eq. 26.2 of the chapter).
-    corner: Vec3,
-    across: Vec3,
-    down: Vec3,
+    rays: EyeRays,
     cone: RayCone,
 }
 
@@ -28,20 +26,9 @@ impl FrameView {
     /// pixels' centres.
     pub fn new(camera: Camera, size: (u32, u32), jitter: Vec2) -> Self {
         let camera = Camera { aperture: 0.0, ..camera };
-        let [r, u, v] = camera.frame();
-        let half_height = match camera.projection {
-            Projection::Perspective { fov } => (0.5 * fov).tan(),
-            Projection::Orthographic { half_height } => half_height,
-        };
-        let pixel = 2.0 * half_height / size.1.max(1) as f32;
-        let (across, down) = (pixel * r, -pixel * u);
         let centre = 0.5 * Vec2::new(size.0 as f32, size.1 as f32);
-        let mut corner = -centre.x * across - centre.y * down;
-        if let Projection::Perspective { .. } = camera.projection {
-            corner += v;
-        }
         let (_, cone) = camera.ray(centre, size, Vec2::ZERO);
-        Self { camera, size, jitter, corner, across, down, cone }
+        Self { camera, size, jitter, rays: EyeRays::new(&camera, size, jitter), cone }
     }
 
     /// The camera, without a lens.
@@ -78,14 +65,7 @@ impl FrameView {
     /// The ray through a pixel, its direction a unit vector.
     #[inline]
     pub fn ray(&self, x: u32, y: u32) -> Ray {
-        let at = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + self.jitter;
-        let s = self.corner + at.x * self.across + at.y * self.down;
-        match self.camera.projection {
-            Projection::Perspective { .. } => Ray::new(self.camera.eye(), s.normalize()),
-            Projection::Orthographic { .. } => {
-                Ray::new(self.camera.eye() + s, self.camera.frame()[2])
-            }
-        }
+        self.rays.ray(x, y)
     }
 
     /// Distance of a point along the viewing direction.
@@ -104,6 +84,7 @@ impl FrameView {
 #[cfg(test)]
 mod tests {
     use rayburst_math::glam::Affine3A;
+    use rayburst_scene::Projection;
 
     use super::*;
 

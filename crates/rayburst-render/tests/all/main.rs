@@ -3,8 +3,10 @@
 mod analytic;
 mod convergence;
 mod determinism;
+mod frames;
 mod furnace;
 mod inspection;
+mod raster;
 mod reference;
 mod scenes;
 mod screen_space;

@@ -43,8 +43,6 @@ pub struct LightSample {
     pub pdf: f32,
     /// Whether scattered rays cannot find this light.
     pub delta: bool,
-    /// Instance, geometry and primitive of an emissive triangle.
-    pub emitter: Option<[u32; 3]>,
 }
 
 /// Kinds of lights.
@@ -256,7 +254,6 @@ impl LightSampler {
                     radiance: scene.environment.radiance(direction),
                     pdf: probability * pdf,
                     delta: false,
-                    emitter: None,
                 })
             }
             Source::Punctual(i) => {
@@ -267,7 +264,6 @@ impl LightSampler {
                     radiance: arrival.illuminance,
                     pdf: probability,
                     delta: true,
-                    emitter: None,
                 })
             }
             Source::Emitter(emitter) => {
@@ -406,6 +402,5 @@ fn sample_emitter(
         radiance,
         pdf,
         delta: false,
-        emitter: Some([instance, geometry, primitive as u32]),
     })
 }

@@ -33,7 +33,7 @@ pub(crate) fn sample(points: [Vec3; 3], from: Vec3, u: Vec2) -> Vec2 {
 
 /// Density of [`sample`] per solid angle of seeing `to`, a point of the triangle, from `from`;
 /// `area_vector` is the triangle's area times its unit normal. 0 from within its plane.
-pub(super) fn pdf(points: [Vec3; 3], area_vector: Vec3, from: Vec3, to: Vec3) -> f32 {
+pub(crate) fn pdf(points: [Vec3; 3], area_vector: Vec3, from: Vec3, to: Vec3) -> f32 {
     if let Some((_, omega)) = spherical(points, from) {
         return 1.0 / omega;
     }

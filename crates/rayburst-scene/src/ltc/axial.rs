@@ -11,14 +11,14 @@ use std::sync::LazyLock;
 use crate::bsdf::albedo;
 
 /// The powers m of K. A linear term would give h(0) ≠ 0.
-pub(super) const POWERS: [usize; 7] = [0, 2, 3, 4, 5, 6, 7];
+const POWERS: [usize; 7] = [0, 2, 3, 4, 5, 6, 7];
 const TERMS: usize = POWERS.len();
 
-/// Coefficients of the powers of K.
-pub(super) type Profile = [f32; TERMS];
+/// Coefficients of the powers 0 to 7 of K.
+pub(super) type Profile = [f32; 8];
 
 /// K of h = cos θ.
-pub(super) const COSINE: Profile = [0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+pub(super) const COSINE: Profile = [0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
 const ROUGHNESSES: usize = 64;
 /// Cosines at which albedos are fitted.
@@ -32,9 +32,11 @@ pub(super) fn albedo_profiles(alpha: f32) -> [Profile; 2] {
     let row = (x as usize).min(ROUGHNESSES - 2);
     let t = x - row as f32;
     let (low, high) = (&PROFILES[row], &PROFILES[row + 1]);
-    std::array::from_fn(|part| {
-        std::array::from_fn(|m| low[part][m] + (high[part][m] - low[part][m]) * t)
-    })
+    let mut profiles = *low;
+    for (profile, high) in profiles.iter_mut().flatten().zip(high.iter().flatten()) {
+        *profile += (high - *profile) * t;
+    }
+    profiles
 }
 
 /// ((m + 2) cᵐ − m cᵐ⁻²) for all powers.
@@ -74,9 +76,18 @@ fn fit() -> Vec<[Profile; 2]> {
                     }
                 }
             }
-            right.map(|right| solve(normal, right).map(|k| k as f32))
+            right.map(|right| profile(solve(normal, right)))
         })
         .collect()
+}
+
+/// Coefficients at their powers.
+fn profile(solution: [f64; TERMS]) -> Profile {
+    let mut profile = [0.0; 8];
+    for (power, k) in POWERS.into_iter().zip(solution) {
+        profile[power] = k as f32;
+    }
+    profile
 }
 
 /// Gauss' elimination with pivots; the matrix is positive definite.
@@ -107,7 +118,7 @@ mod tests {
 
     /// The albedo that a profile stands for.
     fn value(profile: &Profile, c: f64) -> f64 {
-        profile.iter().zip(basis(c)).map(|(&k, b)| f64::from(k) * b).sum()
+        POWERS.iter().zip(basis(c)).map(|(&m, b)| f64::from(profile[m]) * b).sum()
     }
 
     #[test]

@@ -70,22 +70,30 @@ impl PolygonLight {
         if shines { self.radiance } else { Vec3::ZERO }
     }
 
-    /// A point of the light that `u` in [0, 1)² picks, about evenly as seen from `from`; and how far a
-    /// shadow ray from there to it reaches. `None` where it is too near.
-    pub fn sample(&self, from: Vec3, u: Vec2) -> Option<(Vec3, f32)> {
+    /// A point of the light as seen from `from`, that `u` in [0, 1)² picks. `None` where it is too near.
+    pub fn sample(&self, from: Vec3, u: Vec2) -> Option<PolygonSample> {
         let corners = self.corners();
         let first = *corners.first()?;
+        let area = |pair: &[Vec3]| 0.5 * (pair[0] - first).cross(pair[1] - first);
+        let total: f32 = corners[1..].windows(2).map(|pair| area(pair).length()).sum();
         // A triangle of the fan by its area.
-        let area = |pair: &[Vec3]| 0.5 * (pair[0] - first).cross(pair[1] - first).length();
-        let mut left = u.x * self.area;
+        let mut left = u.x * total;
         let mut fan = corners[1..].windows(2).peekable();
         while let Some(pair) = fan.next() {
-            let size = area(pair);
+            let vector = area(pair);
+            let size = vector.length();
             if left < size || fan.peek().is_none() {
                 let u = Vec2::new((left / size).clamp(0.0, 1.0 - f32::EPSILON), u.y);
-                let at = triangle::sample([first, pair[0], pair[1]], from, u);
+                let points = [first, pair[0], pair[1]];
+                let at = triangle::sample(points, from, u);
                 let point = first + at.x * (pair[0] - first) + at.y * (pair[1] - first);
-                return Some((point, short_of(point, from.distance(point))?));
+                let pdf = size / total * triangle::pdf(points, vector, from, point);
+                let reach = short_of(point, from.distance(point))?;
+                return (pdf > 0.0 && pdf.is_finite()).then_some(PolygonSample {
+                    point,
+                    reach,
+                    pdf,
+                });
             }
             left -= size;
         }
@@ -97,6 +105,17 @@ impl PolygonLight {
     pub fn intensity(&self) -> f32 {
         luminance(self.radiance) * self.area
     }
+}
+
+/// A sampled point of a [`PolygonLight`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PolygonSample {
+    /// In the world.
+    pub point: Vec3,
+    /// Length of a shadow ray to it that does not meet the light itself.
+    pub reach: f32,
+    /// Density per solid angle.
+    pub pdf: f32,
 }
 
 /// All polygon lights of a scene, and which hits belong to them. All other lights (textured, partly

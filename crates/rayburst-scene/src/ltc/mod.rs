@@ -21,7 +21,7 @@ mod shading;
 mod simplex;
 mod table;
 
-pub use lights::{PolygonLight, PolygonLightLimits, PolygonLights};
+pub use lights::{PolygonLight, PolygonLightLimits, PolygonLights, PolygonSample};
 pub use polygon::MAX_CORNERS;
 pub use ranking::SurfaceBounds;
 pub use shading::{PolygonIntegral, PolygonShading};

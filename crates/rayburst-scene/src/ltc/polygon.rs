@@ -8,11 +8,11 @@
 //! Irradiance Tensors to the Simulation of Non-Lambertian Phenomena", SIGGRAPH 1995). Clipping:
 //! Sutherland, Hodgman: "Reentrant Polygon Clipping", Communications of the ACM 1974.
 
-use std::f32::consts::FRAC_1_PI;
+use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, PI};
 
 use glam::Vec3;
 
-use super::axial::{POWERS, Profile};
+use super::axial::Profile;
 
 /// The most corners that a polygon light may have.
 pub const MAX_CORNERS: usize = 8;
@@ -26,11 +26,10 @@ pub(super) struct SeenPolygon {
     corners: [Vec3; CAPACITY],
 }
 
-/// An edge as an arc: the normal of its plane, its length in radians, its ends as unit vectors.
+/// An edge as an arc: the normal of its plane and its length in radians.
 struct Arc {
     normal: Vec3,
     angle: f32,
-    ends: [Vec3; 2],
 }
 
 impl SeenPolygon {
@@ -45,10 +44,12 @@ impl SeenPolygon {
         let finite = polygon.corners().iter().all(|c| c.is_finite());
         if polygon.len < 3 || !finite || far == 0.0 {
             polygon.len = 0;
-            return polygon;
         }
         // Only directions count; squares of distances shall neither overflow nor vanish.
-        polygon.map(|c| c / far)
+        for corner in &mut polygon.corners[..polygon.len] {
+            *corner /= far;
+        }
+        polygon
     }
 
     fn push(&mut self, corner: Vec3) {
@@ -67,15 +68,20 @@ impl SeenPolygon {
     }
 
     /// Each corner mapped linearly.
-    pub(super) fn map(mut self, f: impl Fn(Vec3) -> Vec3) -> Self {
-        for corner in &mut self.corners[..self.len] {
-            *corner = f(*corner);
+    #[inline]
+    pub(super) fn map(&self, f: impl Fn(Vec3) -> Vec3) -> Self {
+        let mut mapped = Self { len: self.len, corners: [Vec3::ZERO; CAPACITY] };
+        for (to, &from) in mapped.corners.iter_mut().zip(self.corners()) {
+            *to = f(from);
         }
-        self
+        mapped
     }
 
     /// What lies on the side of the plane through the origin to which `normal` points.
     pub(super) fn clip(&self, normal: Vec3) -> Self {
+        if self.corners().iter().all(|corner| corner.dot(normal) > 0.0) {
+            return *self;
+        }
         let mut kept = Self { len: 0, corners: [Vec3::ZERO; CAPACITY] };
         let Some(&last) = self.corners().last() else { return kept };
         let (mut from, mut height_from) = (last, last.dot(normal));
@@ -92,18 +98,12 @@ impl SeenPolygon {
         kept
     }
 
-    fn arcs(&self) -> impl Iterator<Item = Arc> {
-        (0..self.len).filter_map(|i| {
-            let (a, b) = (self.corners[i], self.corners[(i + 1) % self.len]);
-            // Of the difference, so that small polygons keep their digits.
-            let cross = a.cross(b - a);
-            let sine = cross.length();
-            (sine > 0.0).then(|| Arc {
-                normal: cross / sine,
-                angle: sine.atan2(a.dot(b)),
-                ends: [a.normalize_or_zero(), b.normalize_or_zero()],
-            })
-        })
+    /// The edge that ends in each corner, and the corner.
+    #[inline]
+    fn arcs(&self) -> impl Iterator<Item = (Arc, Vec3)> {
+        let corners = self.corners();
+        let mut from = corners.last().copied().unwrap_or_default();
+        corners.iter().map(move |&to| (Arc::new(std::mem::replace(&mut from, to), to), to))
     }
 
     /// ∫cos θ dω / π over a polygon that has been clipped to z > 0: which share of a cosine lobe it
@@ -112,40 +112,80 @@ impl SeenPolygon {
         if self.is_empty() {
             return 0.0;
         }
-        let sum: f32 = self.arcs().map(|arc| arc.angle * arc.normal.z).sum();
+        let sum: f32 = self.arcs().map(|(arc, _)| arc.angle * arc.normal.z).sum();
         (0.5 * FRAC_1_PI * sum.abs()).min(1.0)
     }
 
-    /// ∫ω dω, the vector irradiance, up to its sign.
-    pub(super) fn vector(&self) -> Vec3 {
-        if self.is_empty() {
-            return Vec3::ZERO;
-        }
-        0.5 * self.arcs().map(|arc| arc.angle * arc.normal).sum::<Vec3>()
+    /// ∫cos θ dω over a polygon that has been clipped to z > 0.
+    pub(super) fn cosine_integral(&self) -> f32 {
+        PI * self.cosine_share()
     }
 
     /// ∫h dω for functions h about the z axis given by their K, over a polygon that has been clipped
-    /// to z > 0.
-    pub(super) fn axial_integrals<const N: usize>(&self, profiles: &[Profile; N]) -> [f32; N] {
-        let mut sums = [0.0; N];
+    /// to z > 0; and the length of ∫ω dω, which for small polygons is their solid angle.
+    pub(super) fn axial_integrals<const N: usize>(
+        &self,
+        profiles: &[Profile; N],
+    ) -> ([f32; N], f32) {
+        let mut moments = [0.0; 8];
+        let mut vector = Vec3::ZERO;
         if self.is_empty() {
-            return sums;
+            return ([0.0; N], 0.0);
         }
-        for arc in self.arcs() {
-            let powers = arc.integrals_of_powers();
-            for (sum, profile) in sums.iter_mut().zip(profiles) {
-                let along: f32 = powers.iter().zip(profile).map(|(f, k)| f * k).sum();
+        let mut from = self.corners[self.len - 1].normalize_or_zero();
+        for (arc, corner) in self.arcs() {
+            let to = corner.normalize_or_zero();
+            vector += arc.angle * arc.normal;
+            for (sum, along) in moments.iter_mut().zip(arc.integrals_of_powers(from, to)) {
                 *sum += arc.normal.z * along;
             }
+            from = to;
         }
-        sums.map(f32::abs)
+        let mut integrals = [0.0f32; N];
+        for (integral, profile) in integrals.iter_mut().zip(profiles) {
+            *integral = moments.iter().zip(profile).map(|(f, k)| f * k).sum::<f32>().abs();
+        }
+        (integrals, 0.5 * vector.length())
     }
 }
 
+/// The angle of a positive sine and a cosine that share a factor. Abramowitz, Stegun: "Handbook of
+/// Mathematical Functions", 1964, 4.4.49: an arc tangent to 2·10⁻⁸.
+#[inline]
+fn angle(sine: f32, cosine: f32) -> f32 {
+    let flat = cosine.abs();
+    let t = sine.min(flat) / sine.max(flat);
+    let t2 = t * t;
+    // Estrin's scheme: halves of the sum do not wait for each other.
+    let t4 = t2 * t2;
+    let low = (1.0 - 0.333_331_452_8 * t2) + (0.199_935_508_5 - 0.142_088_994_4 * t2) * t4;
+    let high =
+        (0.106_562_639_3 - 0.075_289_64 * t2) + (0.042_909_613_8 - 0.016_165_736_7 * t2) * t4;
+    let t8 = t4 * t4;
+    let arc = t * (low + (high + 0.002_866_225_7 * t8) * t8);
+    let arc = if sine > flat { FRAC_PI_2 - arc } else { arc };
+    if cosine < 0.0 { PI - arc } else { arc }
+}
+
 impl Arc {
-    /// ∫zᵐ ds along the arc for each m of [`POWERS`].
-    fn integrals_of_powers(&self) -> [f32; POWERS.len()] {
-        let [a, b] = self.ends;
+    #[inline]
+    fn new(from: Vec3, to: Vec3) -> Self {
+        // Of the difference, so that small polygons keep their digits.
+        let cross = from.cross(to - from);
+        let sine = cross.length();
+        if sine > 0.0 {
+            Self { normal: cross / sine, angle: angle(sine, from.dot(to)) }
+        } else {
+            Self { normal: Vec3::Z, angle: 0.0 }
+        }
+    }
+
+    /// ∫zᵐ ds along the arc for m from 0 to 7, between its ends as unit vectors.
+    #[inline]
+    fn integrals_of_powers(&self, a: Vec3, b: Vec3) -> [f32; 8] {
+        if self.angle == 0.0 {
+            return [0.0; 8];
+        }
         let n = self.normal;
         // With r² + n_z² = 1, z = r cos ψ along the arc and z′ = −r sin ψ.
         let slope = |p: Vec3| n.x * p.y - n.y * p.x;
@@ -161,6 +201,40 @@ impl Arc {
             let ends = power_a * slope_a - power_b * slope_b;
             f[m] = (ends + (m - 1) as f32 * r2 * f[m - 2]) / m as f32;
         }
-        POWERS.map(|m| f[m])
+        f
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ltc::axial::COSINE;
+
+    #[test]
+    fn angles_are_those_of_the_library() {
+        for i in 0..=20_000 {
+            let exact = f64::from(i) / 20_000.0 * std::f64::consts::PI;
+            let (sine, cosine) = exact.sin_cos();
+            let found = angle(3.0 * sine as f32, 3.0 * cosine as f32);
+            assert!((f64::from(found) - exact).abs() < 4e-7, "{exact} {found}");
+        }
+        for tiny in [1e-20f32, 1e-6, 1e-3] {
+            assert!((angle(tiny, 1.0) / tiny.atan() - 1.0).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn an_octant_has_its_form_factor() {
+        // A corner of a room: ∫cos θ dω over a quarter of the hemisphere is π/4.
+        let octant = SeenPolygon::new([Vec3::X, Vec3::Y, Vec3::Z].into_iter());
+        assert!((octant.cosine_integral() - 0.25 * PI).abs() < 1e-6);
+        let ([cosine], vector) = octant.axial_integrals(&[COSINE]);
+        assert!((cosine - 0.25 * PI).abs() < 1e-6);
+        assert!((vector - 0.25 * PI * 3f32.sqrt()).abs() < 1e-6);
+        // Half of it.
+        let half = octant.clip((Vec3::X - Vec3::Y).normalize());
+        assert!((half.cosine_integral() - 0.125 * PI).abs() < 1e-6);
+        assert!(octant.clip(-Vec3::Z).is_empty());
+        assert_eq!(octant.clip(Vec3::Z).cosine_integral(), octant.cosine_integral());
     }
 }

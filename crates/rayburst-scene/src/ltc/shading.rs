@@ -16,6 +16,9 @@ use crate::{
 /// Polygons of fewer steradians are integrated by the value of a function in their middle.
 const SMALL: f32 = 1e-3;
 
+/// Albedos of the lobe towards grazing angles below this are added to the other lobe's.
+const FAINT: f32 = 2e-3;
+
 /// ∫f·cos θ dω over the directions of a light of radiance 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PolygonIntegral {
@@ -58,6 +61,12 @@ impl PolygonShading {
         let [a, b] = albedo_profiles(terms.alpha);
         let lobes =
             (terms.alpha > 0.0).then(|| Part::ALL.map(|p| Lobe::new(p, local, terms.alpha)));
+        let mut terms = terms;
+        if terms.glossy[1].max_element() < FAINT {
+            // Little is lost if it comes from where the rest does.
+            let [normal, grazing] = &mut terms.glossy;
+            *normal += std::mem::take(grazing);
+        }
         let geometric_normal = bsdf.geometric_normal();
         Some(Self {
             position,
@@ -106,15 +115,13 @@ impl PolygonShading {
     /// ∫cos θ, ∫cos θ·a and ∫cos θ·b for the albedos a and b at θ.
     fn axial(&self, seen: &SeenPolygon) -> [f32; 3] {
         if self.terms.coat == [0.0; 3] && self.terms.returned == Vec3::ZERO {
-            let [cosine] = seen.axial_integrals(&[COSINE]);
-            return [cosine, 0.0, 0.0];
+            return [seen.cosine_integral(), 0.0, 0.0];
         }
-        let vector = seen.vector();
-        let solid_angle = vector.length();
+        let (integrals, solid_angle) = seen.axial_integrals(&self.profiles);
         if solid_angle > SMALL {
-            return seen.axial_integrals(&self.profiles);
+            return integrals;
         }
-        let cosine = vector.z.abs();
+        let [cosine, ..] = integrals;
         let e = albedo::directional(cosine / solid_angle.max(f32::MIN_POSITIVE), self.terms.alpha);
         [cosine, cosine * e.a, cosine * e.b]
     }
@@ -131,7 +138,8 @@ impl PolygonShading {
             let there = seen.map(|p| lobe.to_cosine * p).clip(Vec3::Z);
             (there.cosine_share() * lobe.normalisation).min(1.0)
         };
-        let [normal, grazing] = &self.terms.glossy;
-        share(&lobes[0]) * *normal + share(&lobes[1]) * *grazing
+        let [normal, grazing] = self.terms.glossy;
+        let light = share(&lobes[0]) * normal;
+        if grazing == Vec3::ZERO { light } else { light + share(&lobes[1]) * grazing }
     }
 }

@@ -1,0 +1,6 @@
+//! The rasteriser against brute force, and the rules it promises.
+
+mod brute;
+mod robust;
+mod rules;
+mod views;
