@@ -125,7 +125,8 @@ pub(crate) struct RenderArgs {
     pub(crate) aov: Option<AovList>,
     #[command(flatten)]
     pub(crate) frame: FrameArgs,
-    /// Size that is rendered and written, as a part of --size along each side, 0.5 to 1
+    /// Size that is rendered, as a part of --size along each side, 0.5 to 1; the picture that is
+    /// written has that size
     #[arg(long, value_name = "S", value_parser = frames::render_scale,
           help_heading = "Frames (hybrid and realtime-path)")]
     pub(crate) render_scale: Option<f32>,
