@@ -110,7 +110,8 @@ impl Placed {
         let along = Vec3::new(self.columns[0].z, self.columns[1].z, self.columns[2].z);
         let (depth, radius) = (along.dot(d), along.abs().dot(h));
         let error = along.abs().dot(reach) * ROUNDING;
-        (!(depth + radius + error < 0.0)).then_some(depth - radius - error)
+        let behind = depth + radius + error < 0.0;
+        (!behind).then_some(depth - radius - error)
     }
 
     /// The box as the picture shows it: least and greatest coordinates from its centre, and the greatest
@@ -134,7 +135,8 @@ impl Placed {
         let reach = d.abs() + half;
         let error = reach.element_sum() * ROUNDING * Vec3::new(x.z, y.z, z.z).abs().max_element();
         nearest -= error;
-        if !(nearest > 64.0 * error) && self.perspective || !bounds.is_finite() {
+        let in_front = nearest > 64.0 * error;
+        if self.perspective && !in_front || !bounds.is_finite() {
             return None;
         }
         let nearness = if self.perspective { 1.0 / nearest } else { -nearest };

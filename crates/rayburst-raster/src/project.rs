@@ -94,19 +94,21 @@ impl Screen {
     #[cold]
     fn clipped_bounds(&self, corners: &[Vec4; 3]) -> Option<Vec4> {
         let half = self.half.as_dvec2();
-        let sides: [&dyn Fn(&[f64; 3]) -> f64; 5] = [
-            &|p| p[2],
-            &|p| half.x * p[2] + p[0],
-            &|p| half.x * p[2] - p[0],
-            &|p| half.y * p[2] + p[1],
-            &|p| half.y * p[2] - p[1],
+        // The plane of the eye and the picture's sides: not negative inside.
+        let sides = [
+            [0.0, 0.0, 1.0],
+            [1.0, 0.0, half.x],
+            [-1.0, 0.0, half.x],
+            [0.0, 1.0, half.y],
+            [0.0, -1.0, half.y],
         ];
         // Each side adds a corner at most.
         let (mut polygon, mut count) = ([[0.0f64; 3]; 8], 3);
         for (to, from) in polygon.iter_mut().zip(corners) {
             *to = [f64::from(from.x), f64::from(from.y), f64::from(from.z)];
         }
-        for side in sides {
+        for [x, y, w] in sides {
+            let side = |p: &[f64; 3]| x * p[0] + y * p[1] + w * p[2];
             let (mut clipped, mut kept) = ([[0.0f64; 3]; 8], 0);
             for i in 0..count {
                 let (a, b) = (polygon[i], polygon[(i + 1) % count]);

@@ -103,7 +103,7 @@ impl EyeRay {
     ) -> Self {
         let (width, height) = settings.size;
         let pixel = y * width + x;
-        let sampler = Sampler::new(settings.sampler, settings.seed, pixel, sample);
+        let sampler = Sampler::at(settings.sampler, settings.seed, (x, y), width, sample);
         let offset = filter.sample(sampler.get_2d(dimensions::FILTER));
         let position = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + offset;
         let lens = sampler.get_2d(dimensions::LENS);

@@ -126,7 +126,11 @@ impl RenderSettings {
 
     /// What shading needs to know.
     pub(crate) fn shading(&self) -> ShadingOptions {
-        ShadingOptions { lod: self.texture_lod, energy_compensation: self.energy_compensation }
+        ShadingOptions {
+            lod: self.texture_lod,
+            energy_compensation: self.energy_compensation,
+            ..ShadingOptions::default()
+        }
     }
 
     /// The pixel filter, ready to sample.

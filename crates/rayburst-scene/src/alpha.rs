@@ -8,7 +8,7 @@ use glam::Vec2;
 use rayburst_accel::CandidateFilter;
 use rayburst_math::{Hit, Ray, hash};
 
-use crate::{AlphaMode, FlatScene, TextureSlot};
+use crate::{AlphaMode, FlatScene, TextureSlot, texture_ellipse::MAX_TAPS};
 
 impl FlatScene {
     /// Whether alpha lets no ray pass anywhere, so that no filter is needed.
@@ -41,7 +41,9 @@ impl FlatScene {
             let uv = self.uv_at(hit, slot.uv_set);
             match steps == [Vec2::ZERO; 2] {
                 true => self.texture(slot, uv, 0.0),
-                false => self.texture_within(slot, uv, self.uv_steps(hit, slot.uv_set, steps)),
+                false => {
+                    self.texture_within(slot, uv, self.uv_steps(hit, slot.uv_set, steps), MAX_TAPS)
+                }
             }
         };
         if material.base_color_texture.index().is_some() {

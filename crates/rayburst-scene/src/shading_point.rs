@@ -12,7 +12,7 @@ use rayburst_math::Frame;
 
 use crate::{
     Bsdf, BsdfSample, FlatScene, Footprint, Material, ShadingModel, Surface, TextureSlot,
-    texture_lookup::TextureLod,
+    texture_ellipse::MAX_TAPS, texture_lookup::TextureLod,
 };
 
 /// How surfaces are shaded.
@@ -22,11 +22,13 @@ pub struct ShadingOptions {
     pub lod: TextureLod,
     /// Whether rough surfaces give back the light that single scattering between microfacets loses.
     pub energy_compensation: bool,
+    /// The most taps of a texture lookup, 1 to [`MAX_TAPS`]; longer footprints are widened.
+    pub most_taps: u32,
 }
 
 impl Default for ShadingOptions {
     fn default() -> Self {
-        Self { lod: TextureLod::Cones, energy_compensation: true }
+        Self { lod: TextureLod::Cones, energy_compensation: true, most_taps: MAX_TAPS }
     }
 }
 
@@ -91,7 +93,7 @@ impl FlatScene {
         let lookup = |slot: &TextureSlot| {
             let set = slot.uv_set.min(1) as usize;
             let axes = steps.map(|weights| surface.uv_change(set, weights));
-            self.texture_within(slot, surface.uv[set], axes)
+            self.texture_within(slot, surface.uv[set], axes, options.most_taps)
         };
 
         let [r, g, b, _] = material.base_color;

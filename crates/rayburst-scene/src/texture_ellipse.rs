@@ -22,7 +22,7 @@ pub const MAX_TAPS: u32 = 16;
 const ROUND: f32 = 1.3;
 
 /// The longest axis in texels, so that squares stay finite.
-const LONGEST: f32 = 1e9;
+const LONGEST: f32 = 1e8;
 
 /// The ellipse of a parallelogram: what has the same second moments.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,7 +43,7 @@ impl Ellipse {
         let yy = a.y * a.y + b.y * b.y;
         let xy = a.x * a.y + b.x * b.y;
         let half_difference = 0.5 * (xx - yy);
-        let root = half_difference.hypot(xy);
+        let root = (half_difference * half_difference + xy * xy).sqrt();
         let length = (0.5 * (xx + yy) + root).sqrt();
         let width = if length > 0.0 { a.perp_dot(b).abs() / length } else { length };
         // Of the two forms of the eigenvector, the one without cancellation.
@@ -58,7 +58,14 @@ impl Ellipse {
 
 /// A texture averaged over the parallelogram of two vectors around `uv`, all after any transform and
 /// in units of UV. Broken vectors take the finest level, endless ones the coarsest.
-pub(crate) fn lookup_ellipse(texture: &Texture, image: &MipMap, uv: Vec2, axes: [Vec2; 2]) -> Vec4 {
+pub(crate) fn lookup_ellipse(
+    texture: &Texture,
+    image: &MipMap,
+    uv: Vec2,
+    axes: [Vec2; 2],
+    most_taps: u32,
+) -> Vec4 {
+    let most_taps = most_taps.clamp(1, MAX_TAPS);
     let size = Vec2::new(image.width() as f32, image.height() as f32);
     if axes.iter().any(|axis| axis.is_nan()) {
         return trilinear(texture, image, uv, 0.0);
@@ -66,12 +73,12 @@ pub(crate) fn lookup_ellipse(texture: &Texture, image: &MipMap, uv: Vec2, axes: 
     let ellipse = Ellipse::of_parallelogram(axes.map(|axis| axis * size));
     let [length, width] = ellipse.lengths;
     // What is narrower than a texel is magnified across.
-    let tap = width.max(length / MAX_TAPS as f32).max(1.0);
+    let tap = width.max(length / most_taps as f32).max(1.0);
     let coarsest = tap >= image.width().max(image.height()) as f32;
     if length <= tap * ROUND || texture.mip.is_none() || coarsest {
         return trilinear(texture, image, uv, (length * tap.min(length)).sqrt());
     }
-    let taps = ((length / tap).ceil() as u32).clamp(2, MAX_TAPS);
+    let taps = ((length / tap).ceil() as u32).clamp(2, most_taps.max(2));
     let step = ellipse.major / size / taps as f32;
     let first = uv - 0.5 * (taps - 1) as f32 * step;
     let lod = tap.log2();
@@ -125,8 +132,10 @@ mod tests {
             let uv = rng.vec2();
             let exact = exact(&texture, image, uv, axes);
             let round = width * ratio.sqrt();
-            let values =
-                [lookup_ellipse(&texture, image, uv, axes), trilinear(&texture, image, uv, round)];
+            let values = [
+                lookup_ellipse(&texture, image, uv, axes, MAX_TAPS),
+                trilinear(&texture, image, uv, round),
+            ];
             for (square, value) in squares.iter_mut().zip(values) {
                 *square += f64::from((value.x - exact).powi(2)) / f64::from(runs);
             }
@@ -174,7 +183,9 @@ mod tests {
         let image = image(true, &mut Rng::new(2));
         for wrap in [WrapMode::Repeat, WrapMode::MirroredRepeat, WrapMode::ClampToEdge] {
             let texture = Texture { wrap: [wrap; 2], ..Texture::new(0) };
-            let at = |uv: Vec2, a: Vec2, b: Vec2| lookup_ellipse(&texture, &image, uv, [a, b]).x;
+            let at = |uv: Vec2, a: Vec2, b: Vec2| {
+                lookup_ellipse(&texture, &image, uv, [a, b], MAX_TAPS).x
+            };
             let inside = Vec2::splat(4.0 / SIDE as f32);
             let (zero, nan, endless) = (Vec2::ZERO, Vec2::NAN, Vec2::INFINITY);
             assert_eq!(at(inside, zero, zero), 1.0);
@@ -199,6 +210,9 @@ mod tests {
         let image = image(true, &mut Rng::new(2));
         let texture = Texture { mip: None, ..Texture::new(0) };
         let uv = Vec2::splat(4.0 / SIDE as f32);
-        assert_eq!(lookup_ellipse(&texture, &image, uv, [Vec2::X, Vec2::Y * 0.01]).x, 1.0);
+        assert_eq!(
+            lookup_ellipse(&texture, &image, uv, [Vec2::X, Vec2::Y * 0.01], MAX_TAPS).x,
+            1.0
+        );
     }
 }

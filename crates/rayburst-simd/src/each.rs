@@ -111,7 +111,7 @@ pub fn meet_each<const N: usize>(pairs: &Pairs<N>) -> Meetings<N> {
         meetings.t[lane] = (t + 0.0) * scale;
         meetings.u[lane] = v / det;
         meetings.v[lane] = w / det;
-        meetings.met[lane] = (margins[lane] > SMALL) & (t >= 0.0) & (t <= f32::MAX);
+        meetings.met[lane] = (margins[lane] > SMALL) & (0.0..=f32::MAX).contains(&t);
         meetings.front[lane] = det > 0.0;
     }
     for lane in 0..N {

@@ -88,6 +88,7 @@ impl<'a> Tracer<'a> {
         let shading = ShadingOptions {
             lod: settings.texture_lod,
             energy_compensation: settings.energy_compensation,
+            ..ShadingOptions::default()
         };
         Self { scene, camera, settings, lights: LightSampler::new(scene), filter, shading }
     }
@@ -96,7 +97,8 @@ impl<'a> Tracer<'a> {
     pub(super) fn path(&self, (x, y): (u32, u32), sample: u32) -> (Vec<Vertex>, Vec3) {
         let (width, height) = self.settings.size;
         let pixel = y * width + x;
-        let sampler = Sampler::new(self.settings.sampler, self.settings.seed, pixel, sample);
+        let (kind, seed) = (self.settings.sampler, self.settings.seed);
+        let sampler = Sampler::at(kind, seed, (x, y), width, sample);
         let key = hash::words(&[self.settings.seed, pixel, sample]);
         let at = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + self.filter.sample(sampler.get_2d(0));
         let (size, lens) = ((width, height), sampler.get_2d(2));

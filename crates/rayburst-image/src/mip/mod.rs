@@ -13,6 +13,8 @@ pub use environment::RgbPyramid;
 
 use std::sync::Arc;
 
+use glam::Vec4;
+
 use crate::colour::{linear_table, srgb_table};
 use crate::texture::Texels;
 
@@ -122,6 +124,59 @@ impl MipMap {
             [y] => [colour(y), colour(y), colour(y), 1.0],
             _ => [0.0, 0.0, 0.0, 1.0],
         }
+    }
+
+    /// Four texels of one level as linear red, green, blue and alpha, weighted and added up: what a
+    /// bilinear lookup asks for, decoded for one number of channels at a time.
+    ///
+    /// Panics when the level or a coordinate is out of range.
+    #[inline]
+    pub fn blend(
+        &self,
+        level: usize,
+        columns: [u32; 2],
+        rows: [u32; 2],
+        weights: [f32; 4],
+    ) -> Vec4 {
+        let MipLevel { width, data, .. } = &self.levels[level];
+        let channels = self.channels;
+        let at = |x: u32, y: u32| (y as usize * *width as usize + x as usize) * channels;
+        let places = [
+            at(columns[0], rows[0]),
+            at(columns[1], rows[0]),
+            at(columns[0], rows[1]),
+            at(columns[1], rows[1]),
+        ];
+        let decode = self.decode;
+        let mut sum = Vec4::ZERO;
+        for (place, weight) in places.into_iter().zip(weights) {
+            let texel = &data[place..place + channels];
+            let value = match *texel {
+                [r, g, b, a] => Vec4::new(
+                    decode[usize::from(r)],
+                    decode[usize::from(g)],
+                    decode[usize::from(b)],
+                    f32::from(a) * (1.0 / 255.0),
+                ),
+                [r, g, b] => Vec4::new(
+                    decode[usize::from(r)],
+                    decode[usize::from(g)],
+                    decode[usize::from(b)],
+                    1.0,
+                ),
+                [y, a] => {
+                    let y = decode[usize::from(y)];
+                    Vec4::new(y, y, y, f32::from(a) * (1.0 / 255.0))
+                }
+                [y] => {
+                    let y = decode[usize::from(y)];
+                    Vec4::new(y, y, y, 1.0)
+                }
+                _ => Vec4::W,
+            };
+            sum += weight * value;
+        }
+        sum
     }
 
     /// A texel's alpha alone, from 0 to 1.

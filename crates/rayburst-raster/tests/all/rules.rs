@@ -28,10 +28,13 @@ fn sheet(cells: u32, shift: f32, seed: u64) -> Clusters {
             let i = y * (cells + 1) + x;
             let [a, b, c, d] = [i, i + 1, i + cells + 2, i + cells + 1];
             // Either diagonal, either winding, any corner first.
-            let pair =
-                if rng.u32() % 2 == 0 { [[a, b, c], [c, d, a]] } else { [[b, c, d], [b, d, a]] };
+            let pair = if rng.u32().is_multiple_of(2) {
+                [[a, b, c], [c, d, a]]
+            } else {
+                [[b, c, d], [b, d, a]]
+            };
             for [a, b, c] in pair {
-                indices.push(if rng.u32() % 2 == 0 { [a, b, c] } else { [c, b, a] });
+                indices.push(if rng.u32().is_multiple_of(2) { [a, b, c] } else { [c, b, a] });
             }
         }
     }

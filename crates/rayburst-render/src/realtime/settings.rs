@@ -5,6 +5,9 @@ use rayburst_scene::{ShadingOptions, TextureLod};
 
 use crate::{RenderError, Result};
 
+/// The most taps of a texture lookup in a frame: anisotropy beyond that is blurred.
+const FRAME_TAPS: u32 = 4;
+
 /// How a frame is made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum FrameMode {
@@ -144,7 +147,7 @@ impl Default for FrameSettings {
             jitter: true,
             texture_lod: TextureLod::Cones,
             energy_compensation: true,
-            gbuffer: Technique::Raster,
+            gbuffer: Technique::Rays,
             shadows: Technique::Rays,
             reflections: Technique::Rays,
             ambient_occlusion: Technique::Rays,
@@ -165,7 +168,11 @@ impl FrameSettings {
 
     /// What shading needs to know.
     pub(crate) fn shading(&self) -> ShadingOptions {
-        ShadingOptions { lod: self.texture_lod, energy_compensation: self.energy_compensation }
+        ShadingOptions {
+            lod: self.texture_lod,
+            energy_compensation: self.energy_compensation,
+            most_taps: FRAME_TAPS,
+        }
     }
 
     /// Whether every setting is in its range.

@@ -1,5 +1,7 @@
 //! Rasterised primary hits against traced ones: built-in scenes, and every real scene that is here.
 
+#![allow(clippy::print_stdout, reason = "what is skipped and how much differs is said")]
+
 use std::path::{Path, PathBuf};
 
 use glam::{Vec2, Vec3};
