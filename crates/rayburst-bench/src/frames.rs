@@ -66,7 +66,7 @@ pub fn bench_frames(
                 let camera = sway.at(number);
                 pool.install(|| {
                     let begin = Instant::now();
-                    let frame = renderer.frame(scene, &camera, &mut history);
+                    let frame = renderer.frame(scene, &camera, &mut history)?;
                     let seconds = begin.elapsed().as_secs_f64();
                     if number >= WARM_UP {
                         times.begin_frame(seconds, frame.rays());
@@ -74,7 +74,8 @@ pub fn bench_frames(
                             times.add(pass.name, pass.seconds, pass.rays);
                         }
                     }
-                });
+                    Ok::<(), BenchError>(())
+                })?;
                 advance();
             }
         }

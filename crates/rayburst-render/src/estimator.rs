@@ -49,14 +49,7 @@ mod tests {
     use super::*;
 
     fn light(pdf: f32, delta: bool) -> LightSample {
-        LightSample {
-            direction: Vec3::Y,
-            distance: 1.0,
-            radiance: Vec3::ONE,
-            pdf,
-            delta,
-            emitter: None,
-        }
+        LightSample { direction: Vec3::Y, distance: 1.0, radiance: Vec3::ONE, pdf, delta }
     }
 
     #[test]

@@ -117,14 +117,16 @@ pub(crate) struct RenderArgs {
     pub(crate) fps: Option<f32>,
     /// Further signals as layers of the .exr, with commas: albedo, normal, depth, position, instance,
     /// material, variance; of hybrid and realtime-path also motion, geometric_normal, roughness,
-    /// metallic, emitted, direct_diffuse, direct_specular, indirect_diffuse, indirect_specular,
-    /// diffuse_reflectance, specular_reflectance, transparency, ambient_occlusion,
-    /// diffuse_hit_distance, specular_hit_distance
+    /// metallic, emitted, direct_diffuse, direct_specular, analytic_diffuse, analytic_specular,
+    /// shadow, shadow_distance, indirect_diffuse, indirect_specular, diffuse_reflectance,
+    /// specular_reflectance, transparency, ambient_occlusion, diffuse_hit_distance,
+    /// specular_hit_distance
     #[arg(long, value_name = "LIST", value_parser = aovs, help_heading = "Output")]
     pub(crate) aov: Option<AovList>,
     #[command(flatten)]
     pub(crate) frame: FrameArgs,
-    /// Size that is rendered and written, as a part of --size along each side, 0.5 to 1
+    /// Size that is rendered, as a part of --size along each side, 0.5 to 1; the picture that is
+    /// written has that size
     #[arg(long, value_name = "S", value_parser = frames::render_scale,
           help_heading = "Frames (hybrid and realtime-path)")]
     pub(crate) render_scale: Option<f32>,

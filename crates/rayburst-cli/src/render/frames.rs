@@ -125,7 +125,7 @@ impl<'a> Job<'a> {
             terminal::note("the camera has a lens; frames see through a pinhole");
             self.told = true;
         }
-        let (mean, outcome) = self.trace(frame, flat, camera);
+        let (mean, outcome) = self.trace(frame, flat, camera)?;
         report.add(outcome.samples, outcome.rays, outcome.elapsed.as_secs_f64());
         if outcome.reason == StopReason::Interrupted && self.plan.is_sequence() {
             frame.tell_unfinished();
@@ -146,7 +146,12 @@ impl<'a> Job<'a> {
     }
 
     /// The frames of one instant. The first is always finished.
-    fn trace(&mut self, frame: &Frame, flat: &Arc<FlatScene>, camera: &Camera) -> (Mean, Outcome) {
+    fn trace(
+        &mut self,
+        frame: &Frame,
+        flat: &Arc<FlatScene>,
+        camera: &Camera,
+    ) -> Result<(Mean, Outcome)> {
         let (width, height) = self.wanted.settings.render_size();
         let layers = if self.plan.format == Format::Exr { &self.wanted.layers[..] } else { &[] };
         let mut mean = Mean::new((width, height), layers);
@@ -180,14 +185,14 @@ impl<'a> Job<'a> {
                 break StopReason::Interrupted;
             }
             let begin = Instant::now();
-            let rendered = self.renderer.frame(flat, camera, &mut self.history);
+            let rendered = self.renderer.frame(flat, camera, &mut self.history)?;
             elapsed += begin.elapsed();
             rays += ray_counts(&rendered);
             mean.add(&rendered);
         };
         bar.clear();
         let samples = mean.frames();
-        (mean, Outcome { reason, samples, rays, elapsed })
+        Ok((mean, Outcome { reason, samples, rays, elapsed }))
     }
 
     /// What the picture was made with, as attributes.
@@ -215,7 +220,7 @@ fn ray_counts(frame: &Rendered<'_>) -> RayCounts {
     for pass in frame.passes {
         let count = match pass.name {
             "visibility" => &mut counts.camera,
-            "direct" | "ambient_occlusion" => &mut counts.shadow,
+            "direct" | "polygon_lights" | "ambient_occlusion" => &mut counts.shadow,
             _ => &mut counts.indirect,
         };
         *count += pass.rays;

@@ -119,7 +119,8 @@ fn several_frames_of_an_instant_have_a_mean() {
 fn all_signals_are_layers() {
     let place = Place::new();
     let names = "albedo,normal,depth,position,instance,material,variance,motion,geometric_normal,\
-                 roughness,metallic,emitted,direct_diffuse,direct_specular,indirect_diffuse,\
+                 roughness,metallic,emitted,direct_diffuse,direct_specular,analytic_diffuse,\
+                 analytic_specular,shadow,shadow_distance,indirect_diffuse,\
                  indirect_specular,diffuse_reflectance,specular_reflectance,transparency,\
                  ambient_occlusion,diffuse_hit_distance,specular_hit_distance";
     let line = "render cornell --size 48x48";

@@ -36,10 +36,19 @@ pub enum FrameLayer {
     Metallic,
     /// Radiance that leaves towards the eye by itself; where nothing is, that of what lies behind.
     Emitted,
-    /// Light from lights, broadly scattered.
+    /// Light from all other lights than polygons, broadly scattered.
     DirectDiffuse,
-    /// Light from lights, glossily scattered.
+    /// The same, glossily scattered.
     DirectSpecular,
+    /// Light of polygon lights as if nothing were in between, broadly scattered; what arrives is this times
+    /// the shadow.
+    AnalyticDiffuse,
+    /// The same, glossily scattered.
+    AnalyticSpecular,
+    /// Share of the light of polygon lights that is not blocked, from one ray; 1 without any.
+    Shadow,
+    /// Distance to what blocked that ray, world units; infinite if nothing did.
+    ShadowDistance,
     /// Light along sampled rays, broadly scattered.
     IndirectDiffuse,
     /// Light along sampled rays, glossily scattered.
@@ -72,7 +81,7 @@ pub enum Merge {
 
 impl FrameLayer {
     /// All of them with the names that users type and that layers carry.
-    pub const ALL: [(&'static str, Self); 22] = [
+    pub const ALL: [(&'static str, Self); 26] = [
         ("albedo", Self::Albedo),
         ("normal", Self::Normal),
         ("depth", Self::Depth),
@@ -87,6 +96,10 @@ impl FrameLayer {
         ("emitted", Self::Emitted),
         ("direct_diffuse", Self::DirectDiffuse),
         ("direct_specular", Self::DirectSpecular),
+        ("analytic_diffuse", Self::AnalyticDiffuse),
+        ("analytic_specular", Self::AnalyticSpecular),
+        ("shadow", Self::Shadow),
+        ("shadow_distance", Self::ShadowDistance),
         ("indirect_diffuse", Self::IndirectDiffuse),
         ("indirect_specular", Self::IndirectSpecular),
         ("diffuse_reflectance", Self::DiffuseReflectance),
@@ -108,8 +121,10 @@ impl FrameLayer {
             Self::Depth | Self::Position | Self::Instance | Self::Material | Self::Motion => {
                 Merge::First
             }
-            // Distances of rays that left the scene are infinite.
-            Self::DiffuseHitDistance | Self::SpecularHitDistance => Merge::First,
+            // Distances of rays that meet nothing are infinite.
+            Self::DiffuseHitDistance | Self::SpecularHitDistance | Self::ShadowDistance => {
+                Merge::First
+            }
             Self::Variance => Merge::VarianceOfMean,
             _ => Merge::Mean,
         }
@@ -141,6 +156,10 @@ impl FrameLayer {
             Self::Emitted => self.colour(&gbuffer.emitted, Precision::Float),
             Self::DirectDiffuse => self.colour(&signals.direct_diffuse, Precision::Float),
             Self::DirectSpecular => self.colour(&signals.direct_specular, Precision::Float),
+            Self::AnalyticDiffuse => self.colour(&signals.analytic_diffuse, Precision::Float),
+            Self::AnalyticSpecular => self.colour(&signals.analytic_specular, Precision::Float),
+            Self::Shadow => self.scalar(&signals.shadow),
+            Self::ShadowDistance => self.scalar(&signals.shadow_distance),
             Self::IndirectDiffuse => self.colour(&signals.indirect_diffuse, Precision::Float),
             Self::IndirectSpecular => self.colour(&signals.indirect_specular, Precision::Float),
             Self::DiffuseReflectance => self.colour(&signals.diffuse_reflectance, Precision::Half),
@@ -198,42 +217,75 @@ mod tests {
     use rayburst_scene::{Camera, Flattener, Pose};
 
     use super::*;
-    use crate::realtime::{FrameRenderer, FrameSettings, History};
+    use crate::realtime::{FrameMode, FrameRenderer, FrameSettings, History, guarded};
 
-    #[test]
-    fn every_layer_has_a_name_and_all_pixels() {
+    const SIZE: (u32, u32) = (19, 7);
+
+    /// A frame of the Cornell box, from so far away that it does not fill the picture.
+    fn with_frame(mode: FrameMode, check: impl FnOnce(&Frame<'_>, &[Layer], Vec3)) {
         let scene = rayburst_scene::builtin::build("cornell").unwrap();
         let pose = Pose::rest(&scene);
         let flat = Flattener::new(&scene, BuildOptions::default()).at(&pose).unwrap();
-        let bounds = flat.bounds;
-        // So far away that the box does not fill the picture.
-        let eye = bounds.centre() - Vec3::Z * 2.0 * bounds.extent().length();
-        let camera = Camera::look_at(eye, bounds.centre(), Vec3::Y, 0.8);
-        let size = (19, 7);
-        let settings = FrameSettings { size, ..FrameSettings::default() };
+        let centre = flat.bounds.centre();
+        let eye = centre - Vec3::Z * 2.0 * flat.bounds.extent().length();
+        let camera = Camera::look_at(eye, centre, Vec3::Y, 0.8);
+        let settings = FrameSettings { size: SIZE, mode, ..FrameSettings::default() };
         let mut renderer = FrameRenderer::new(settings).unwrap();
-        let frame = renderer.frame(&Arc::new(flat), &camera, &mut History::new());
-        let layers = FrameLayer::ALL.map(|(name, layer)| {
-            let made = layer.layer(&frame);
-            assert_eq!((made.name.as_str(), layer.name()), (name, name));
-            assert!(made.channels.iter().all(|c| c.values.len() == 19 * 7), "{name}");
-            made
+        let frame = renderer.frame(&Arc::new(flat), &camera, &mut History::new()).unwrap();
+        let layers = FrameLayer::ALL.map(|(_, layer)| layer.layer(&frame));
+        check(&frame, &layers, eye);
+    }
+
+    fn of<'a>(layers: &'a [Layer], name: &str, channel: &str) -> &'a [f32] {
+        let layer = layers.iter().find(|layer| layer.name == name).unwrap();
+        layer.channel(channel).unwrap()
+    }
+
+    #[test]
+    fn every_layer_has_a_name_and_all_pixels() {
+        with_frame(FrameMode::Hybrid, |frame, layers, eye| {
+            for (made, (name, layer)) in layers.iter().zip(FrameLayer::ALL) {
+                assert_eq!((made.name.as_str(), layer.name()), (name, name));
+                assert!(made.channels.iter().all(|c| c.values.len() == 19 * 7), "{name}");
+            }
+            let of = |name, channel| of(layers, name, channel);
+            let (depth, instance) = (of("depth", "Z"), of("instance", "id"));
+            let (middle, corner) = (3 * 19 + 9, 0);
+            assert!(!frame.gbuffer.hits[corner].is_hit() && frame.gbuffer.hits[middle].is_hit());
+            let nothing = (depth[corner], instance[corner], of("material", "id")[corner]);
+            assert_eq!(nothing, (0.0, -1.0, -1.0));
+            assert_eq!(instance[middle], frame.gbuffer.instance.get(9, 3) as f32 - 1.0);
+            let position = ["X", "Y", "Z"].map(|c| of("position", c)[middle]);
+            assert!((depth[middle] - eye.distance(position.into())).abs() < 1e-4 * depth[middle]);
+            assert_eq!(of("motion", "Y")[middle], 0.0, "nothing moves in the first frame");
         });
-        let of = |name: &str, channel| {
-            let layer = layers.iter().find(|layer| layer.name == name).unwrap();
-            layer.channel(channel).unwrap()
-        };
-        let (depth, instance) = (of("depth", "Z"), of("instance", "id"));
-        let (middle, corner) = (3 * 19 + 9, 0);
-        assert!(!frame.gbuffer.hits[corner].is_hit() && frame.gbuffer.hits[middle].is_hit());
-        assert_eq!(
-            (depth[corner], instance[corner], of("material", "id")[corner]),
-            (0.0, -1.0, -1.0)
-        );
-        assert_eq!(instance[middle], frame.gbuffer.instance.get(9, 3) as f32 - 1.0);
-        let position = ["X", "Y", "Z"].map(|c| of("position", c)[middle]);
-        assert!((depth[middle] - eye.distance(position.into())).abs() < 1e-4 * depth[middle]);
-        assert_eq!(of("motion", "Y")[middle], 0.0, "nothing moves in the first frame");
-        assert_eq!(of("direct_diffuse", "G")[middle], frame.signals.direct_diffuse.get(9, 3).y);
+    }
+
+    #[test]
+    fn layers_make_up_the_picture() {
+        with_frame(FrameMode::Path, |frame, layers, _| {
+            let mut lit = 0;
+            for (at, (x, y)) in (0..7).flat_map(|y| (0..19).map(move |x| (x, y))).enumerate() {
+                let colour =
+                    |name: &str| Vec3::from(["R", "G", "B"].map(|c| of(layers, name, c)[at]));
+                let light = |kind: &str| {
+                    let [direct, analytic, indirect] = ["direct", "analytic", "indirect"]
+                        .map(|part| colour(&format!("{part}_{kind}")));
+                    direct + analytic * of(layers, "shadow", "Y")[at] + indirect
+                };
+                let reflected = |kind: &str| {
+                    let albedo = colour(&format!("{kind}_reflectance"));
+                    guarded(albedo) * light(kind)
+                };
+                let mut sum = colour("emitted") + colour("transparency");
+                if of(layers, "instance", "id")[at] >= 0.0 {
+                    sum += reflected("diffuse") + reflected("specular");
+                }
+                let picture = frame.picture.get(x, y);
+                assert!((sum - picture).abs().max_element() <= 1e-4 * picture.length(), "{x} {y}");
+                lit += u32::from(picture != Vec3::ZERO);
+            }
+            assert!(lit > 20, "{lit}");
+        });
     }
 }
