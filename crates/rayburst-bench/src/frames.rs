@@ -231,7 +231,7 @@ mod tests {
     use super::*;
 
     use rayburst_accel::BuildOptions;
-    use rayburst_render::realtime::Passes;
+    use rayburst_render::realtime::{Passes, Technique};
     use rayburst_scene::{Flattener, Pose};
 
     fn cornell() -> (Arc<FlatScene>, Camera) {
@@ -248,7 +248,11 @@ mod tests {
             frames: 3,
             modes: FrameMode::ALL.map(|(_, mode)| mode).to_vec(),
             render_scales: vec![1.0, 0.5],
-            settings: FrameSettings { size: (24, 16), ..FrameSettings::default() },
+            settings: FrameSettings {
+                size: (24, 16),
+                gbuffer: Technique::Rays,
+                ..FrameSettings::default()
+            },
         }
     }
 

@@ -4,7 +4,8 @@ use rayburst::image::{LayeredImage, RgbImage, read_exr, read_picture};
 
 use crate::program::Place;
 
-const TINY: &str = "render cornell --size 24x16 --integrator";
+/// A small picture whose eye rays are traced, of an integrator to be named.
+const TINY: &str = "render cornell --size 24x16 --techniques gbuffer=rays --integrator";
 
 fn picture(place: &Place, name: &str) -> RgbImage {
     read_picture(&place.path(name)).unwrap()
@@ -91,7 +92,8 @@ fn several_frames_of_an_instant_have_a_mean() {
     let aov = "--aov albedo,depth,instance,direct_diffuse,variance";
     let line = "render cornell --size 24x16 --max-depth 16";
     for spp in [1, 2, 64] {
-        let options = format!("--integrator realtime-path {aov} --spp {spp}");
+        let options =
+            format!("--integrator realtime-path --techniques gbuffer=rays {aov} --spp {spp}");
         let ran = place.good(&format!("{line} {options} --json -o {spp}.exr"));
         assert_eq!(ran.json()["spp"], spp);
         assert_eq!(ran.json()["rays"]["camera"], 24 * 16 * spp);
@@ -160,7 +162,7 @@ fn the_rendered_size_is_written() {
 #[test]
 fn passes_can_be_left_out() {
     let place = Place::new();
-    let line = format!("{TINY} hybrid --spp 8");
+    let line = "render cornell --size 24x16 --integrator hybrid --spp 8";
     let run = |options: &str, name: &str| {
         let rays =
             place.good(&format!("{line} {options} --json -o {name}.exr")).json()["rays"].clone();
@@ -175,7 +177,9 @@ fn passes_can_be_left_out() {
     assert_eq!((&rays["shadow"], &rays["indirect"]), (&0.into(), &0.into()));
     let (rays, _) = run("--max-depth 1", "shallow");
     assert_eq!(rays["indirect"], 0);
-    run("--techniques gbuffer=rays,shadows=rays,reflections=rays,ambient-occlusion=rays", "rays");
+    let rays = "--techniques gbuffer=rays,shadows=rays,reflections=rays,ambient-occlusion=rays";
+    assert_eq!(run(rays, "rays").0["camera"], 24 * 16 * 8);
+    assert_eq!(run("--techniques gbuffer=raster", "raster").0["camera"], 0);
 }
 
 #[test]
@@ -258,7 +262,8 @@ fn a_frame_is_not_continued_as_something_else() {
 #[test]
 fn frames_are_benchmarked() {
     let place = Place::new();
-    let line = "bench frame cornell --size 20x12 --threads 2 --json rows.json";
+    let line =
+        "bench frame cornell --size 20x12 --threads 2 --json rows.json --techniques gbuffer=rays";
     let ran = place.good(line);
     for text in [
         "cornell, 20x12, hybrid, render scale 1, 2 threads",
@@ -302,8 +307,7 @@ fn frames_are_benchmarked() {
             assert!(whole["rays_per_pixel"].as_f64() > Some(1.0));
         }
     }
-    let few =
-        "--modes hybrid --render-scales 0.75 --passes direct,shadows --techniques gbuffer=rays";
+    let few = "--modes hybrid --render-scales 0.75 --passes direct,shadows";
     place.good(&format!("{line} {few} --environment none --eye 0.3,0.3,-0.7 --target 0.3,0.3,0"));
     let rows: serde_json::Value = serde_json::from_slice(&place.read("rows.json")).unwrap();
     let rows = rows.as_array().unwrap();

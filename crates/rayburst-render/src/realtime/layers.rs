@@ -221,13 +221,13 @@ mod tests {
 
     const SIZE: (u32, u32) = (19, 7);
 
-    /// A frame of the Cornell box, from so far away that it does not fill the picture.
+    /// A frame of the Cornell box, in the middle of a picture that it does not fill.
     fn with_frame(mode: FrameMode, check: impl FnOnce(&Frame<'_>, &[Layer], Vec3)) {
         let scene = rayburst_scene::builtin::build("cornell").unwrap();
         let pose = Pose::rest(&scene);
         let flat = Flattener::new(&scene, BuildOptions::default()).at(&pose).unwrap();
         let centre = flat.bounds.centre();
-        let eye = centre - Vec3::Z * 2.0 * flat.bounds.extent().length();
+        let eye = centre - Vec3::Z * flat.bounds.extent().length();
         let camera = Camera::look_at(eye, centre, Vec3::Y, 0.8);
         let settings = FrameSettings { size: SIZE, mode, ..FrameSettings::default() };
         let mut renderer = FrameRenderer::new(settings).unwrap();
