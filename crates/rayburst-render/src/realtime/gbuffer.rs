@@ -294,7 +294,7 @@ fn resolve_pixel(
         return;
     }
     let surface = scene.surface(hit);
-    let width = view.cone().width_at(hit.t);
+    let width = view.cone(ray.direction).width_at(hit.t);
     let seen = view.footprint(shading.lod, (x, y)).at(&ray, hit, &surface);
     let point = scene.shading_point(&surface, -ray.direction, seen, shading);
     let kind = if point.bsdf.is_specular_only() {

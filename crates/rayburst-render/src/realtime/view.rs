@@ -4,7 +4,7 @@ use rayburst_math::{
     Ray, RayCone,
     glam::{Vec2, Vec3},
 };
-use rayburst_scene::{Camera, TextureLod};
+use rayburst_scene::{Camera, Projection, TextureLod};
 
 use super::eye_rays::EyeRays;
 use crate::RayFootprint;
@@ -49,17 +49,26 @@ impl FrameView {
         self.jitter
     }
 
-    /// The footprint of every pixel at the eye.
+    /// The cone of a pixel's ray, whose direction is given.
     #[inline]
-    pub fn cone(&self) -> RayCone {
-        self.cone
+    pub fn cone(&self, direction: Vec3) -> RayCone {
+        match self.camera.projection {
+            Projection::Perspective { .. } => {
+                self.cone.off_axis(direction.dot(self.camera.frame()[2]))
+            }
+            Projection::Orthographic { .. } => self.cone,
+        }
     }
 
     /// What a pixel sees at the eye.
     #[inline]
     pub fn footprint(&self, lod: TextureLod, (x, y): (u32, u32)) -> RayFootprint {
         let at = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + self.jitter;
-        RayFootprint::of_eye(lod, &self.camera, at, self.size, Vec2::ZERO, self.cone)
+        let cone = match lod {
+            TextureLod::Cones => self.cone(self.rays.ray(x, y).direction),
+            _ => self.cone,
+        };
+        RayFootprint::of_eye(lod, &self.camera, at, self.size, Vec2::ZERO, cone)
     }
 
     /// The ray through a pixel, its direction a unit vector.
@@ -84,7 +93,6 @@ impl FrameView {
 #[cfg(test)]
 mod tests {
     use rayburst_math::glam::Affine3A;
-    use rayburst_scene::Projection;
 
     use super::*;
 
@@ -107,7 +115,9 @@ mod tests {
                     let ray = view.ray(x, y);
                     assert!((ray.origin - expected.origin).length() < 1e-5);
                     assert!((ray.direction - expected.direction).length() < 1e-5);
-                    assert_eq!(view.cone(), cone);
+                    let ours = view.cone(ray.direction);
+                    assert_eq!(ours.width, cone.width);
+                    assert!((ours.spread - cone.spread).abs() <= 1e-5 * cone.spread);
                     let point = ray.at(4.0);
                     assert!((view.project(point).unwrap() - pixel).length() < 1e-3 * size.0 as f32);
                     assert!(view.depth(point) > 0.0);

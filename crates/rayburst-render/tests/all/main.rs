@@ -1,4 +1,5 @@
 //! Whole pictures against closed forms, against the reference, and against themselves.
+#![allow(clippy::print_stderr)]
 
 mod analytic;
 mod convergence;
