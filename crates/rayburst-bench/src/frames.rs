@@ -69,9 +69,9 @@ pub fn bench_frames(
                     let frame = renderer.frame(scene, &camera, &mut history)?;
                     let seconds = begin.elapsed().as_secs_f64();
                     if number >= WARM_UP {
-                        times.begin_frame(seconds, frame.rays());
+                        times.begin_frame(seconds, frame.rays().total());
                         for pass in frame.passes {
-                            times.add(pass.name, pass.seconds, pass.rays);
+                            times.add(pass.name, pass.seconds, pass.rays.total());
                         }
                     }
                     Ok::<(), BenchError>(())

@@ -9,9 +9,7 @@ use rayburst::{
     image::LayeredImage,
     render::{
         Outcome, Progress, RayCounts, StopReason,
-        realtime::{
-            Frame as Rendered, FrameLayer, FrameMode, FrameRenderer, FrameSettings, History,
-        },
+        realtime::{FrameLayer, FrameMode, FrameRenderer, FrameSettings, History},
     },
     scene::{Camera, FlatScene},
 };
@@ -187,7 +185,7 @@ impl<'a> Job<'a> {
             let begin = Instant::now();
             let rendered = self.renderer.frame(flat, camera, &mut self.history)?;
             elapsed += begin.elapsed();
-            rays += ray_counts(&rendered);
+            rays += rendered.rays();
             mean.add(&rendered);
         };
         bar.clear();
@@ -212,18 +210,4 @@ impl<'a> Job<'a> {
         let named = values.map(|(name, value)| (format!("rayburst.{name}"), value));
         image.attributes.extend(named);
     }
-}
-
-/// The rays of a frame by what they were for.
-fn ray_counts(frame: &Rendered<'_>) -> RayCounts {
-    let mut counts = RayCounts::default();
-    for pass in frame.passes {
-        let count = match pass.name {
-            "visibility" => &mut counts.camera,
-            "direct" | "polygon_lights" | "ambient_occlusion" => &mut counts.shadow,
-            _ => &mut counts.indirect,
-        };
-        *count += pass.rays;
-    }
-    counts
 }

@@ -8,7 +8,7 @@
 
 use rayburst_image::{Band, Band3};
 use rayburst_math::{
-    Hit, Ray, Sampler,
+    Ray, Sampler,
     glam::{Vec2, Vec3},
 };
 use rayburst_scene::ltc::{PolygonLight, PolygonSample, PolygonShading};
@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use super::{
     gbuffer::{BAND, GBuffer, PixelSurface, squares},
     pass::FrameContext,
-    shadows::closest_hits,
+    shadows::OcclusionRays,
     signals::{Signals, guarded},
 };
 use crate::dimensions;
@@ -30,14 +30,6 @@ struct Rows<'a> {
     specular: Band3<'a>,
     shadow: Band<'a>,
     distance: Band<'a>,
-}
-
-#[derive(Debug, Default)]
-struct Work {
-    rays: Vec<Ray>,
-    keys: Vec<u32>,
-    hits: Vec<Hit>,
-    targets: Vec<(u32, u32)>,
 }
 
 /// Fills in the light of the polygon lights and their shadow; returns the rays it took.
@@ -67,22 +59,15 @@ pub(crate) fn analytic_light(
     bands
         .into_par_iter()
         .enumerate()
-        .map_init(Work::default, |work, (band, mut rows)| {
-            work.rays.clear();
-            work.keys.clear();
-            work.targets.clear();
+        .map_init(OcclusionRays::default, |rays, (band, mut rows)| {
             let top = band as u32 * BAND;
             for at in squares(width, top..(top + BAND).min(height)) {
-                pixel(frame, gbuffer, &mut rows, work, at);
+                pixel(frame, gbuffer, &mut rows, rays, at);
             }
-            closest_hits(frame.scene, frame.opaque, &work.rays, &work.keys, &mut work.hits);
-            for (hit, &(x, y)) in work.hits.iter().zip(&work.targets) {
-                if hit.is_hit() {
-                    rows.shadow.set(x, y, 0.0);
-                    rows.distance.set(x, y, hit.t);
-                }
-            }
-            work.rays.len() as u64
+            rays.resolve(frame.scene, frame.opaque, |(x, y), distance| {
+                rows.shadow.set(x, y, 0.0);
+                rows.distance.set(x, y, distance);
+            })
         })
         .sum()
 }
@@ -92,7 +77,7 @@ fn pixel(
     frame: &FrameContext<'_>,
     gbuffer: &GBuffer,
     rows: &mut Rows<'_>,
-    work: &mut Work,
+    rays: &mut OcclusionRays<(u32, u32)>,
     (x, y): (u32, u32),
 ) {
     let Some(tile) = frame.tiles.get(frame.tile((x, y)) as usize) else { return };
@@ -144,9 +129,8 @@ fn pixel(
     let Some(sample) = lit_point(&surface, light, &sampler, sharp) else { return };
     let direction = (sample.point - position).normalize_or_zero();
     let origin = surface.place.spawn(direction);
-    work.rays.push(Ray::with_interval(origin, direction, 0.0, sample.reach));
-    work.keys.push(frame.key((x, y)));
-    work.targets.push((x, y));
+    let ray = Ray::with_interval(origin, direction, 0.0, sample.reach);
+    rays.push(ray, frame.key((x, y)), (x, y));
 }
 
 /// Points of the light that are looked at before one is chosen.

@@ -16,10 +16,11 @@ use super::{
     gbuffer::{BAND, GBuffer, PixelKind, PixelSurface, squares},
     pass::FrameContext,
     paths::{PathRay, PathResult, Paths, density},
-    quads::{QuadRows, Quads, Shared, asking},
-    signals::{Signals, guarded},
+    quads::{Quads, asking},
+    signals::{Lobe, Signals, guarded},
 };
 use crate::{
+    RayCounts,
     dimensions::Vertex,
     footprint::{Arrival, RayFootprint, Turn},
 };
@@ -27,7 +28,7 @@ use crate::{
 /// What a pass of paths took and saw.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Gathered {
-    pub(crate) rays: u64,
+    pub(crate) rays: RayCounts,
     /// Broadly scattered paths, the sum of their light, and the sum of the factors on what longer ones
     /// would bring.
     pub(crate) paths: u64,
@@ -57,14 +58,6 @@ impl Gathered {
     }
 }
 
-/// Which signal a path adds to.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Lobe {
-    Broad,
-    Glossy,
-    Whole,
-}
-
 /// Paths and where each adds to.
 #[derive(Debug, Default)]
 struct Work {
@@ -79,7 +72,7 @@ const WIDE: f32 = 0.2;
 fn numbers(lobe: Lobe) -> u32 {
     match lobe {
         Lobe::Broad => Vertex::at_depth(1).direction(),
-        Lobe::Glossy | Lobe::Whole => Vertex::at_depth(1).direction() + 2,
+        Lobe::Glossy => Vertex::at_depth(1).direction() + 2,
     }
 }
 
@@ -89,8 +82,20 @@ impl Work {
         self.targets.clear();
     }
 
-    fn results(&self) -> impl Iterator<Item = (&PathResult, &(Lobe, (u32, u32)))> {
-        self.paths.results.iter().zip(&self.targets)
+    /// Follows all paths and gives what each brought to where it adds to.
+    fn gather(
+        &mut self,
+        frame: &FrameContext<'_>,
+        mut give: impl FnMut(Lobe, (u32, u32), &PathResult),
+    ) -> Gathered {
+        let mut gathered = Gathered { rays: self.paths.run(frame), ..Gathered::default() };
+        for (result, &(lobe, at)) in self.paths.results.iter().zip(&self.targets) {
+            give(lobe, at, result);
+            if lobe == Lobe::Broad {
+                gathered.note(result);
+            }
+        }
+        gathered
     }
 
     /// Starts a path at a surface by one lobe; `factor` multiplies what it brings.
@@ -181,7 +186,7 @@ impl Work {
         let arrival = Arrival { scene: frame.scene, ray: &eye, hit, surface: &surface };
         let footprint = footprint.turned(&arrival, &Turn::of_sample(&point, &sample));
         self.push(frame, (x, y), ray, sample.weight, &sample, footprint, true);
-        self.targets.push((Lobe::Whole, (x, y)));
+        self.targets.push((Lobe::Glossy, (x, y)));
     }
 }
 
@@ -221,116 +226,87 @@ pub(crate) fn reflected_ray(
     Some((ray, throughput))
 }
 
-/// One reflection, unless these are made otherwise, and one diffuse bounce a block of 2×2 pixels, and a path for each pixel of mirrors and
-/// glass.
+/// One path a block of 2×2 pixels, by one of the lobes: reflections, or diffuse bounces.
 pub(crate) fn gather_quads(
     frame: &FrameContext<'_>,
     gbuffer: &GBuffer,
     quads: &mut Quads,
-    signals: &mut Signals,
-    reflections: bool,
+    lobe: Lobe,
 ) -> Gathered {
-    let passes = &frame.settings.passes;
     let columns = quads.size().0;
-    let transparency: Vec<Band3<'_>> = signals.transparency.bands_mut(BAND).collect();
-    let bands = quads.rows().into_par_iter().zip(transparency);
-    let gathered: Vec<Gathered> = bands
-        .map_init(<[Work; 2]>::default, |work, (mut rows, mut transparency)| {
-            // Rays that go about the same way apart from those that do not.
-            let [glossy, broad] = work;
-            glossy.clear();
-            broad.clear();
+    let gathered: Vec<Gathered> = quads
+        .rows()
+        .into_par_iter()
+        .map_init(Work::default, |work, mut rows| {
+            work.clear();
             for block in rows.blocks(columns) {
-                rows.clear(block, reflections || !passes.reflections);
+                rows.set(lobe, block, Vec3::ZERO, 0.0);
                 let Some(at) = asking(rows.chosen.get(block.0, block.1), block) else { continue };
                 let surface = gbuffer.surface_at(frame.scene, frame.view, &frame.shading, at);
                 let Some(surface) = surface else { continue };
-                if reflections {
-                    glossy.start(frame, gbuffer, &surface, Lobe::Glossy, 1.0, at, block);
-                }
-                if passes.indirect {
-                    broad.start(frame, gbuffer, &surface, Lobe::Broad, 1.0, at, block);
-                }
+                work.start(frame, gbuffer, &surface, lobe, 1.0, at, block);
             }
-            specular_pixels(frame, gbuffer, glossy, band_rows(&rows));
-            let rays = glossy.paths.run(frame) + broad.paths.run(frame);
-            let mut gathered = Gathered { rays, ..Gathered::default() };
-            for (result, &(lobe, at)) in glossy.results().chain(broad.results()) {
-                match lobe {
-                    Lobe::Broad => {
-                        rows.diffuse.set(at.0, at.1, result.radiance);
-                        rows.diffuse_distance.set(at.0, at.1, result.distance);
-                        gathered.note(result);
-                    }
-                    Lobe::Glossy => {
-                        rows.specular.set(at.0, at.1, result.radiance);
-                        rows.specular_distance.set(at.0, at.1, result.distance);
-                    }
-                    Lobe::Whole => transparency.set(at.0, at.1, result.radiance),
-                }
-            }
-            gathered
+            work.gather(frame, |lobe, block, result| {
+                rows.set(lobe, block, result.radiance, result.distance);
+            })
         })
         .collect();
-    quads.share(gbuffer, signals, Shared { light: true, occlusion: false });
     gathered.into_iter().fold(Gathered::default(), Gathered::add)
 }
 
-/// The pixel rows of a band of blocks.
-fn band_rows(rows: &QuadRows<'_>) -> std::ops::Range<u32> {
-    2 * rows.chosen.top()..2 * (rows.chosen.top() + rows.chosen.rows())
-}
-
-fn specular_pixels(
+/// A path for each pixel of a perfect mirror or glass; returns the rays it took.
+pub(crate) fn gather_specular(
     frame: &FrameContext<'_>,
     gbuffer: &GBuffer,
-    work: &mut Work,
-    rows: std::ops::Range<u32>,
-) {
-    if !frame.settings.passes.transparency {
-        return;
-    }
+    signals: &mut Signals,
+) -> RayCounts {
     let (width, height) = gbuffer.size();
-    for at in squares(width, rows.start..rows.end.min(height)) {
-        if gbuffer.kind.get(at.0, at.1) == PixelKind::Specular as u32 {
-            work.start_specular(frame, gbuffer, at);
-        }
-    }
+    let bands: Vec<Band3<'_>> = signals.transparency.bands_mut(BAND).collect();
+    let gathered: Vec<Gathered> = bands
+        .into_par_iter()
+        .enumerate()
+        .map_init(Work::default, |work, (band, mut rows)| {
+            work.clear();
+            let top = band as u32 * BAND;
+            for at in squares(width, top..(top + BAND).min(height)) {
+                if gbuffer.kind.get(at.0, at.1) == PixelKind::Specular as u32 {
+                    work.start_specular(frame, gbuffer, at);
+                }
+            }
+            work.gather(frame, |_, (x, y), result| rows.set(x, y, result.radiance))
+        })
+        .collect();
+    gathered.into_iter().fold(Gathered::default(), Gathered::add).rays
 }
 
 struct PixelRows<'a> {
     diffuse: Band3<'a>,
     specular: Band3<'a>,
-    transparency: Band3<'a>,
     diffuse_distance: Band<'a>,
     specular_distance: Band<'a>,
 }
 
-/// One path a pixel.
+/// One path a pixel; returns the rays it took.
 pub(crate) fn gather_pixels(
     frame: &FrameContext<'_>,
     gbuffer: &GBuffer,
     signals: &mut Signals,
-) -> Gathered {
+) -> RayCounts {
     let passes = &frame.settings.passes;
     let (width, height) = gbuffer.size();
-    let mut vectors = [
-        signals.indirect_diffuse.bands_mut(BAND),
-        signals.indirect_specular.bands_mut(BAND),
-        signals.transparency.bands_mut(BAND),
-    ];
+    let mut vectors =
+        [signals.indirect_diffuse.bands_mut(BAND), signals.indirect_specular.bands_mut(BAND)];
     let mut planes = [
         signals.diffuse_hit_distance.bands_mut(BAND),
         signals.specular_hit_distance.bands_mut(BAND),
     ];
     let bands: Vec<PixelRows<'_>> = std::iter::from_fn(|| {
-        let ([a, b, c], [d, e]) = (&mut vectors, &mut planes);
+        let ([a, b], [c, d]) = (&mut vectors, &mut planes);
         Some(PixelRows {
             diffuse: a.next()?,
             specular: b.next()?,
-            transparency: c.next()?,
-            diffuse_distance: d.next()?,
-            specular_distance: e.next()?,
+            diffuse_distance: c.next()?,
+            specular_distance: d.next()?,
         })
     })
     .collect();
@@ -353,24 +329,15 @@ pub(crate) fn gather_pixels(
                 let (lobe, p) = if choice < p { (Lobe::Glossy, p) } else { (Lobe::Broad, 1.0 - p) };
                 work.start(frame, gbuffer, &surface, lobe, 1.0 / p, at, at);
             }
-            specular_pixels(frame, gbuffer, work, top..top + BAND);
-            let mut gathered = Gathered { rays: work.paths.run(frame), ..Gathered::default() };
-            for (result, &(lobe, (x, y))) in work.results() {
-                match lobe {
-                    Lobe::Broad => {
-                        rows.diffuse.set(x, y, result.radiance);
-                        rows.diffuse_distance.set(x, y, result.distance);
-                        gathered.note(result);
-                    }
-                    Lobe::Glossy => {
-                        rows.specular.set(x, y, result.radiance);
-                        rows.specular_distance.set(x, y, result.distance);
-                    }
-                    Lobe::Whole => rows.transparency.set(x, y, result.radiance),
-                }
-            }
-            gathered
+            work.gather(frame, |lobe, (x, y), result| {
+                let (light, distances) = match lobe {
+                    Lobe::Broad => (&mut rows.diffuse, &mut rows.diffuse_distance),
+                    Lobe::Glossy => (&mut rows.specular, &mut rows.specular_distance),
+                };
+                light.set(x, y, result.radiance);
+                distances.set(x, y, result.distance);
+            })
         })
         .collect();
-    gathered.into_iter().fold(Gathered::default(), Gathered::add)
+    gathered.into_iter().fold(Gathered::default(), Gathered::add).rays
 }

@@ -7,7 +7,6 @@
 mod analytic;
 mod composite;
 mod direct;
-mod eye_rays;
 mod gbuffer;
 mod history;
 mod indirect;

@@ -1,41 +1,28 @@
 //! Ambient occlusion by rays: one for every 2×2 pixels, by the cosine, as far as a radius.
 
-use rayburst_math::{Frame, Hit, Ray, glam::Vec3, warp};
+use rayburst_math::{Frame, Ray, glam::Vec3, warp};
 use rayon::prelude::*;
 
 use super::{
     gbuffer::GBuffer,
     pass::FrameContext,
-    quads::{Quads, Shared, asking},
-    shadows::closest_hits,
-    signals::Signals,
+    quads::{Quads, asking},
+    shadows::OcclusionRays,
 };
 use crate::{dimensions, integrators::ray_key};
 
-#[derive(Debug, Default)]
-struct Work {
-    rays: Vec<Ray>,
-    keys: Vec<u32>,
-    hits: Vec<Hit>,
-    targets: Vec<(u32, u32)>,
-}
-
-/// Fills in the ambient occlusion; returns the rays it took.
+/// Fills in the ambient occlusion of blocks; returns the rays it took.
 pub(crate) fn ambient_occlusion(
     frame: &FrameContext<'_>,
     gbuffer: &GBuffer,
     radius: f32,
     quads: &mut Quads,
-    signals: &mut Signals,
 ) -> u64 {
     let columns = quads.size().0;
-    let count = quads
+    quads
         .rows()
         .into_par_iter()
-        .map_init(Work::default, |work, mut rows| {
-            work.rays.clear();
-            work.keys.clear();
-            work.targets.clear();
+        .map_init(OcclusionRays::default, |rays, mut rows| {
             for block in rows.blocks(columns) {
                 rows.occlusion.set(block.0, block.1, 1.0);
                 rows.occluder.set(block.0, block.1, f32::INFINITY);
@@ -51,22 +38,15 @@ pub(crate) fn ambient_occlusion(
                     continue;
                 }
                 let origin = place.spawn(direction);
-                work.rays.push(Ray::with_interval(origin, direction, 0.0, radius));
-                work.keys.push(ray_key(frame.key(at), OCCLUSION_DEPTH));
-                work.targets.push(block);
+                let ray = Ray::with_interval(origin, direction, 0.0, radius);
+                rays.push(ray, ray_key(frame.key(at), OCCLUSION_DEPTH), block);
             }
-            closest_hits(frame.scene, frame.opaque, &work.rays, &work.keys, &mut work.hits);
-            for (hit, &(x, y)) in work.hits.iter().zip(&work.targets) {
-                if hit.is_hit() {
-                    rows.occlusion.set(x, y, 0.0);
-                    rows.occluder.set(x, y, hit.t);
-                }
-            }
-            work.rays.len() as u64
+            rays.resolve(frame.scene, frame.opaque, |(x, y), distance| {
+                rows.occlusion.set(x, y, 0.0);
+                rows.occluder.set(x, y, distance);
+            })
         })
-        .sum();
-    quads.share(gbuffer, signals, Shared { light: false, occlusion: true });
-    count
+        .sum()
 }
 
 /// Keeps the alpha decisions of these rays apart from those of paths.

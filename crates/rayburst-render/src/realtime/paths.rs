@@ -11,7 +11,7 @@ use super::{
     shadows::{ShadowRays, closest_hits},
 };
 use crate::{
-    LightSampling,
+    LightSampling, RayCounts,
     dimensions::Vertex,
     estimator,
     footprint::{Arrival, RayFootprint, Turn},
@@ -85,13 +85,13 @@ impl Paths {
     }
 
     /// Follows all paths to their ends; their first rays have depth 2. Returns the rays it took.
-    pub(crate) fn run(&mut self, frame: &FrameContext<'_>) -> u64 {
-        let mut count = 0;
+    pub(crate) fn run(&mut self, frame: &FrameContext<'_>) -> RayCounts {
+        let mut counts = RayCounts::default();
         for depth in 2..=frame.settings.max_depth {
             if self.rays.is_empty() {
                 break;
             }
-            count += self.rays.len() as u64;
+            counts.indirect += self.rays.len() as u64;
             self.keys.clear();
             self.keys.extend(self.states.iter().map(|state| ray_key(state.key, depth)));
             closest_hits(frame.scene, frame.opaque, &self.rays, &self.keys, &mut self.hits);
@@ -99,7 +99,7 @@ impl Paths {
                 self.vertex(frame, depth, i);
             }
             let results = &mut self.results;
-            count += self.shadows.resolve(
+            counts.shadow += self.shadows.resolve(
                 frame.scene,
                 frame.opaque,
                 |(radiance, slot): (Vec3, u32), visible| {
@@ -115,7 +115,7 @@ impl Paths {
         }
         self.rays.clear();
         self.states.clear();
-        count
+        counts
     }
 
     #[inline]

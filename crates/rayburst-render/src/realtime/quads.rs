@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::{
     gbuffer::{BAND, GBuffer, PixelKind},
     pass::FrameContext,
-    signals::Signals,
+    signals::{Lobe, Signals},
 };
 use crate::Result;
 
@@ -90,7 +90,8 @@ impl Quads {
     /// Chooses which pixel of each block asks in this frame.
     pub(crate) fn choose(&mut self, frame: &FrameContext<'_>, gbuffer: &GBuffer) {
         let (width, height) = gbuffer.size();
-        for mut rows in self.chosen.bands_mut(QUAD_BAND) {
+        let bands: Vec<_> = self.chosen.bands_mut(QUAD_BAND).collect();
+        bands.into_par_iter().for_each(|mut rows| {
             for y in rows.top()..rows.top() + rows.rows() {
                 for x in 0..width.div_ceil(2) {
                     let first = rayburst_math::hash::combine(x, y).wrapping_add(frame.number);
@@ -103,7 +104,7 @@ impl Quads {
                     rows.set(x, y, found.unwrap_or(NONE));
                 }
             }
-        }
+        });
     }
 
     /// The pixel that asks for a block, if one does.
@@ -113,27 +114,18 @@ impl Quads {
     }
 
     /// Gives every pixel the answers of its block or of one near it.
-    pub(crate) fn share(&self, gbuffer: &GBuffer, signals: &mut Signals, what: Shared) {
+    pub(crate) fn share(&self, gbuffer: &GBuffer, signals: &mut Signals, found: Found) {
         let (width, height) = gbuffer.size();
-        let Signals {
-            indirect_diffuse,
-            indirect_specular,
-            diffuse_hit_distance,
-            specular_hit_distance,
-            ambient_occlusion,
-            occluder_distance,
-            ..
-        } = signals;
-        let mut vectors = [indirect_diffuse.bands_mut(BAND), indirect_specular.bands_mut(BAND)];
+        let mut vectors =
+            [signals.indirect_diffuse.bands_mut(BAND), signals.indirect_specular.bands_mut(BAND)];
         let mut planes = [
-            diffuse_hit_distance.bands_mut(BAND),
-            specular_hit_distance.bands_mut(BAND),
-            ambient_occlusion.bands_mut(BAND),
-            occluder_distance.bands_mut(BAND),
+            signals.diffuse_hit_distance.bands_mut(BAND),
+            signals.specular_hit_distance.bands_mut(BAND),
+            signals.ambient_occlusion.bands_mut(BAND),
+            signals.occluder_distance.bands_mut(BAND),
         ];
         let bands: Vec<_> = std::iter::from_fn(|| {
-            let [a, b] = &mut vectors;
-            let [c, d, e, f] = &mut planes;
+            let ([a, b], [c, d, e, f]) = (&mut vectors, &mut planes);
             Some(([a.next()?, b.next()?], [c.next()?, d.next()?, e.next()?, f.next()?]))
         })
         .collect();
@@ -147,13 +139,15 @@ impl Quads {
                         continue;
                     }
                     let Some((i, j)) = self.likest(gbuffer, (x, y)) else { continue };
-                    if what.light {
+                    if found.indirect {
                         diffuse.set(x, y, self.diffuse.get(i, j));
-                        specular.set(x, y, self.specular.get(i, j));
                         diffuse_distance.set(x, y, self.diffuse_distance.get(i, j));
+                    }
+                    if found.reflections {
+                        specular.set(x, y, self.specular.get(i, j));
                         specular_distance.set(x, y, self.specular_distance.get(i, j));
                     }
-                    if what.occlusion {
+                    if found.occlusion {
                         occlusion.set(x, y, self.occlusion.get(i, j));
                         occluder.set(x, y, self.occluder.get(i, j));
                     }
@@ -197,10 +191,11 @@ impl Quads {
     }
 }
 
-/// What of the answers to share.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Shared {
-    pub(crate) light: bool,
+/// What blocks have answers of.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Found {
+    pub(crate) indirect: bool,
+    pub(crate) reflections: bool,
     pub(crate) occlusion: bool,
 }
 
@@ -225,14 +220,14 @@ impl QuadRows<'_> {
         })
     }
 
-    /// Empties a block: its specular part, too, unless that was made before.
+    /// What a ray of a block brought, and how far it went.
     #[inline]
-    pub(crate) fn clear(&mut self, (x, y): (u32, u32), specular: bool) {
-        self.diffuse.set(x, y, Vec3::ZERO);
-        self.diffuse_distance.set(x, y, 0.0);
-        if specular {
-            self.specular.set(x, y, Vec3::ZERO);
-            self.specular_distance.set(x, y, 0.0);
-        }
+    pub(crate) fn set(&mut self, lobe: Lobe, (x, y): (u32, u32), radiance: Vec3, distance: f32) {
+        let (light, distances) = match lobe {
+            Lobe::Broad => (&mut self.diffuse, &mut self.diffuse_distance),
+            Lobe::Glossy => (&mut self.specular, &mut self.specular_distance),
+        };
+        light.set(x, y, radiance);
+        distances.set(x, y, distance);
     }
 }

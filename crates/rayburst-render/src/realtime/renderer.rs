@@ -13,21 +13,24 @@ use super::{
     direct::direct_light,
     gbuffer::GBuffer,
     history::History,
-    indirect::{Gathered, gather_pixels, gather_quads},
+    indirect::{Gathered, gather_pixels, gather_quads, gather_specular},
     lights::{FrameLights, TileLights},
     motion::Motion,
     occlusion::ambient_occlusion,
     pass::{FrameContext, pixel_key},
-    quads::Quads,
+    quads::{Found, Quads},
     screen_pass::{self, ScreenWork},
     settings::{FrameMode, FrameSettings, Technique},
     shadow_map::ShadowMaps,
-    signals::Signals,
+    signals::{Lobe, Signals},
     technique::Chooser,
     view::FrameView,
     visibility::{PrimaryRaster, rasterise, trace_primary},
 };
-use crate::{Result, integrators::ray_key};
+use crate::{RayCounts, Result, integrators::ray_key};
+
+/// Of passes that trace nothing.
+const NO_RAYS: RayCounts = RayCounts { camera: 0, shadow: 0, indirect: 0 };
 
 /// What a pass took.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,7 +42,7 @@ pub struct PassReport {
     /// Wall-clock time.
     pub seconds: f64,
     /// Rays that were traced.
-    pub rays: u64,
+    pub rays: RayCounts,
 }
 
 /// A finished frame; its buffers are the renderer's until the next one.
@@ -59,14 +62,14 @@ pub struct Frame<'a> {
 
 impl Frame<'_> {
     /// Rays of all passes.
-    pub fn rays(&self) -> u64 {
-        self.passes.iter().map(|pass| pass.rays).sum()
+    pub fn rays(&self) -> RayCounts {
+        self.passes.iter().fold(RayCounts::default(), |sum, pass| sum + pass.rays)
     }
 
     /// Rays a pixel of the size that is rendered.
     pub fn rays_per_pixel(&self) -> f64 {
         let (width, height) = self.picture.size();
-        self.rays() as f64 / (f64::from(width) * f64::from(height))
+        self.rays().total() as f64 / (f64::from(width) * f64::from(height))
     }
 
     /// Time of all passes, seconds.
@@ -152,7 +155,7 @@ impl FrameRenderer {
 
         let lights = self.timed("lights", None, |this| {
             let fit = this.lights.take().filter(|lights| lights.fit(scene, &settings));
-            (fit.unwrap_or_else(|| FrameLights::new(scene, &settings)), 0)
+            (fit.unwrap_or_else(|| FrameLights::new(scene, &settings)), NO_RAYS)
         });
         self.tiles.clear();
         let mut context = FrameContext {
@@ -171,21 +174,37 @@ impl FrameRenderer {
         self.timed("gbuffer", None, |this| {
             let sky = |direction| lights.sky(scene, direction);
             this.gbuffer.resolve(scene, &view, &motion, &context.shading, sky);
-            ((), 0)
+            ((), NO_RAYS)
         });
         let mut tiles = std::mem::take(&mut self.tiles);
-        self.timed("tiles", None, |this| {
+        self.timed("prepare", None, |this| {
             this.signals.clear();
             lights.choose(&this.gbuffer, &settings, &mut tiles);
-            ((), 0)
+            if settings.mode == FrameMode::Hybrid {
+                this.quads.choose(&context, &this.gbuffer);
+            }
+            ((), NO_RAYS)
         });
         context.tiles = &tiles;
         self.direct(&context)?;
         self.timed("polygon_lights", None, |this| {
-            ((), analytic_light(&context, &this.gbuffer, &mut this.signals))
+            let shadow = analytic_light(&context, &this.gbuffer, &mut this.signals);
+            ((), RayCounts { shadow, ..NO_RAYS })
         });
-        let gathered = self.indirect(&context, history)?;
-        self.occlusion(&context)?;
+        let gathered = match settings.mode {
+            FrameMode::Hybrid => self.blocks(&context, history)?,
+            FrameMode::Path => {
+                self.timed("paths", None, |this| {
+                    ((), gather_pixels(&context, &this.gbuffer, &mut this.signals))
+                });
+                Gathered::default()
+            }
+        };
+        if settings.passes.transparency {
+            self.timed("transparency", None, |this| {
+                ((), gather_specular(&context, &this.gbuffer, &mut this.signals))
+            });
+        }
         let ambient = match settings.mode {
             FrameMode::Hybrid if settings.passes.ambient => history.learn(&gathered),
             _ => Vec3::ZERO,
@@ -197,7 +216,7 @@ impl FrameRenderer {
             let emission = settings.passes.emission;
             let parameters = CompositeParameters { ambient, emission };
             composite(&this.gbuffer, &this.signals, &parameters, &mut this.picture);
-            ((), 0)
+            ((), NO_RAYS)
         });
         self.lights = Some(lights);
         self.tiles = tiles;
@@ -216,7 +235,7 @@ impl FrameRenderer {
         &mut self,
         name: &'static str,
         technique: Option<Technique>,
-        pass: impl FnOnce(&mut Self) -> (T, u64),
+        pass: impl FnOnce(&mut Self) -> (T, RayCounts),
     ) -> T {
         let start = Instant::now();
         let (result, rays) = pass(self);
@@ -239,16 +258,12 @@ impl FrameRenderer {
             }
             let Self { raster, keys, gbuffer: GBuffer { hits, .. }, .. } = this;
             let raster = raster.get_or_insert_with(|| new_raster(context.scene));
-            let (camera, jitter) = (context.view.camera(), context.view.jitter());
             match technique {
                 Technique::Rays => {
-                    trace_primary(context.scene, camera, (width, height), jitter, keys, hits);
-                    (Ok(()), hits.len() as u64)
+                    trace_primary(context.scene, context.view, keys, hits);
+                    (Ok(()), RayCounts { camera: hits.len() as u64, ..NO_RAYS })
                 }
-                _ => {
-                    let size = (width, height);
-                    (rasterise(raster, context.scene, camera, size, jitter, keys, hits), 0)
-                }
+                _ => (rasterise(raster, context.scene, context.view, keys, hits), NO_RAYS),
             }
         })?;
         self.note(|choosers| &mut choosers.visibility);
@@ -269,63 +284,65 @@ impl FrameRenderer {
                 maps.resize_with(exact.len(), ShadowMaps::default);
                 for (maps, light) in maps.iter_mut().zip(exact) {
                     if let Err(error) = maps.draw(raster, context.scene, light) {
-                        return (Err(error), 0);
+                        return (Err(error), NO_RAYS);
                     }
                 }
             }
             let maps = by_maps.then_some(&maps[..]);
-            (Ok(()), direct_light(context, gbuffer, maps, signals))
+            let shadow = direct_light(context, gbuffer, maps, signals);
+            (Ok(()), RayCounts { shadow, ..NO_RAYS })
         })?;
         self.note(|choosers| &mut choosers.shadows);
         Ok(())
     }
 
-    /// Light along sampled rays, and reflections.
-    fn indirect(&mut self, context: &FrameContext<'_>, history: &History) -> Result<Gathered> {
-        let settings = context.settings;
-        if settings.mode == FrameMode::Path {
-            return Ok(self.timed("paths", None, |this| {
-                let gathered = gather_pixels(context, &this.gbuffer, &mut this.signals);
-                (gathered, gathered.rays)
-            }));
-        }
-        self.quads.choose(context, &self.gbuffer);
-        let wanted = settings.passes.reflections;
-        let technique =
-            self.choosers.reflections.choose(settings.reflections, settings.quality, false);
-        let by_rays = wanted && technique == Technique::Rays;
-        if wanted && !by_rays {
-            self.timed("screen_reflections", Some(technique), |this| {
+    /// What is asked for once a block of pixels: reflections, bounces, ambient occlusion.
+    fn blocks(&mut self, context: &FrameContext<'_>, history: &History) -> Result<Gathered> {
+        let FrameSettings { passes, quality, .. } = *context.settings;
+        let mut found = Found { indirect: passes.indirect, ..Found::default() };
+        if passes.reflections {
+            found.reflections = true;
+            let chooser = self.choosers.reflections;
+            let technique = chooser.choose(context.settings.reflections, quality, false);
+            self.timed("reflections", Some(technique), |this| {
                 let Self { gbuffer, quads, screen, .. } = this;
-                let (picture, diagonal) = (&history.picture, diagonal(context.scene));
-                (screen_pass::reflections(context, gbuffer, picture, diagonal, screen, quads), 0)
+                if technique == Technique::Rays {
+                    return (Ok(()), gather_quads(context, gbuffer, quads, Lobe::Glossy).rays);
+                }
+                let (picture, size) = (&history.picture, diagonal(context.scene));
+                let done = screen_pass::reflections(context, gbuffer, picture, size, screen, quads);
+                (done, NO_RAYS)
             })?;
             self.note(|choosers| &mut choosers.reflections);
         }
-        Ok(self.timed("indirect", by_rays.then_some(technique), |this| {
-            let Self { gbuffer, quads, signals, .. } = this;
-            let gathered = gather_quads(context, gbuffer, quads, signals, by_rays);
-            (gathered, gathered.rays)
-        }))
-    }
-
-    fn occlusion(&mut self, context: &FrameContext<'_>) -> Result<()> {
-        let settings = context.settings;
-        if settings.mode == FrameMode::Path || !settings.passes.ambient_occlusion {
-            return Ok(());
+        let mut gathered = Gathered::default();
+        if passes.indirect {
+            gathered = self.timed("indirect", None, |this| {
+                let Self { gbuffer, quads, .. } = this;
+                let gathered = gather_quads(context, gbuffer, quads, Lobe::Broad);
+                (gathered, gathered.rays)
+            });
         }
-        let radius = settings.ao_radius.unwrap_or(0.05 * diagonal(context.scene));
-        let chooser = self.choosers.occlusion;
-        let technique = chooser.choose(settings.ambient_occlusion, settings.quality, false);
-        self.timed("ambient_occlusion", Some(technique), |this| {
-            let Self { gbuffer, quads, signals, .. } = this;
-            match technique {
-                Technique::Raster => (screen_pass::occlusion(context, gbuffer, radius, signals), 0),
-                _ => (Ok(()), ambient_occlusion(context, gbuffer, radius, quads, signals)),
-            }
-        })?;
-        self.note(|choosers| &mut choosers.occlusion);
-        Ok(())
+        if passes.ambient_occlusion {
+            let radius = context.settings.ao_radius.unwrap_or(0.05 * diagonal(context.scene));
+            let chooser = self.choosers.occlusion;
+            let technique = chooser.choose(context.settings.ambient_occlusion, quality, false);
+            found.occlusion = technique == Technique::Rays;
+            self.timed("ambient_occlusion", Some(technique), |this| {
+                let Self { gbuffer, quads, signals, .. } = this;
+                if technique == Technique::Rays {
+                    let shadow = ambient_occlusion(context, gbuffer, radius, quads);
+                    return (Ok(()), RayCounts { shadow, ..NO_RAYS });
+                }
+                (screen_pass::occlusion(context, gbuffer, radius, signals), NO_RAYS)
+            })?;
+            self.note(|choosers| &mut choosers.occlusion);
+        }
+        self.timed("share", None, |this| {
+            this.quads.share(&this.gbuffer, &mut this.signals, found);
+            ((), NO_RAYS)
+        });
+        Ok(gathered)
     }
 
     /// Tells a chooser what the last pass took.

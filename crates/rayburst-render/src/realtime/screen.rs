@@ -5,11 +5,12 @@
 
 use rayburst_image::Plane;
 use rayburst_math::glam::{Vec2, Vec3};
-use rayburst_scene::{Camera, Projection};
+use rayburst_scene::Projection;
 
+use super::view::FrameView;
 use crate::{RenderError, Result};
 
-/// A camera and the size of its picture. A lens is ignored.
+/// The projection of a view.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Screen {
     eye: Vec3,
@@ -19,19 +20,19 @@ pub(super) struct Screen {
     size: Vec2,
     /// From pixels to the plane at distance 1, x right and y up.
     scale: Vec2,
+    /// What pixels show is as far off their centres, in pixels.
+    jitter: Vec2,
     pub(super) perspective: bool,
 }
 
 impl Screen {
-    pub(super) fn new(camera: &Camera, (width, height): (u32, u32)) -> Self {
-        let (half_height, perspective) = match camera.projection {
-            Projection::Perspective { fov } => ((0.5 * fov).tan(), true),
-            Projection::Orthographic { half_height } => (half_height, false),
-        };
-        let size = Vec2::new(width as f32, height as f32);
-        let half = Vec2::new(half_height * size.x / size.y.max(1.0), half_height);
+    pub(super) fn new(view: &FrameView) -> Self {
+        let camera = view.camera();
+        let perspective = matches!(camera.projection, Projection::Perspective { .. });
+        let (half, size) = (view.half_extent(), view.extent());
         let scale = 2.0 * half / size.max(Vec2::ONE) * Vec2::new(1.0, -1.0);
-        Self { eye: camera.eye(), frame: camera.frame(), half, size, scale, perspective }
+        let (eye, frame, jitter) = (camera.eye(), camera.frame(), view.jitter());
+        Self { eye, frame, half, size, scale, jitter, perspective }
     }
 
     /// A world direction in view space.
@@ -50,7 +51,7 @@ impl Screen {
     /// +0.5.
     #[inline]
     pub(super) fn at(&self, pixel: Vec2, depth: f32) -> Vec3 {
-        let p = (pixel - 0.5 * self.size) * self.scale;
+        let p = (pixel + self.jitter - 0.5 * self.size) * self.scale;
         (if self.perspective { p * depth } else { p }).extend(depth)
     }
 
@@ -59,7 +60,7 @@ impl Screen {
     pub(super) fn pixel(&self, view: Vec3) -> Vec2 {
         let scale = if self.perspective { view.z } else { 1.0 };
         let p = view.truncate() * Vec2::new(1.0, -1.0) / (scale * self.half);
-        0.5 * (p + Vec2::ONE) * self.size
+        0.5 * (p + Vec2::ONE) * self.size - self.jitter
     }
 
     /// Pixels that a length across the view covers at a depth.
@@ -111,4 +112,31 @@ pub(super) fn fit(plane: &mut Plane, (width, height): (u32, u32)) -> Result<()> 
         *plane = Plane::new(width, height)?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use rayburst_scene::Camera;
+
+    use super::*;
+
+    #[test]
+    fn pixels_show_what_their_rays_meet() {
+        let eye = Vec3::new(1.0, 2.0, 3.0);
+        let camera = Camera::look_at(eye, Vec3::new(-2.0, 0.5, 0.0), Vec3::Y, 0.8);
+        let projection = Projection::Orthographic { half_height: 1.5 };
+        for camera in [camera, Camera { projection, ..camera }] {
+            for jitter in [Vec2::ZERO, Vec2::new(0.4, -0.3)] {
+                let view = FrameView::new(camera, (37, 21), jitter);
+                let screen = Screen::new(&view);
+                for (x, y) in [(0, 0), (36, 20), (11, 4)] {
+                    let point = view.ray(x, y).at(2.5);
+                    let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+                    let found = screen.at(centre, view.depth(point));
+                    assert!((found - screen.view(point)).length() < 1e-5);
+                    assert!((screen.pixel(screen.view(point)) - centre).length() < 1e-4);
+                }
+            }
+        }
+    }
 }

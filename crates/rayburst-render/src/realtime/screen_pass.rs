@@ -10,7 +10,7 @@ use super::{
     indirect::reflected_ray,
     pass::FrameContext,
     quads::{QUAD_BAND, Quads, asking},
-    signals::Signals,
+    signals::{Lobe, Signals},
     ssao::{ScreenOcclusion, screen_occlusion},
     ssr::{
         ScreenReflections, ScreenReflectionsInput, ScreenReflectionsSettings, screen_reflections,
@@ -49,7 +49,7 @@ pub(crate) fn occlusion(
     screen_occlusion(
         &gbuffer.depth,
         &gbuffer.geometric_normal,
-        frame.view.camera(),
+        frame.view,
         &settings,
         &mut signals.ambient_occlusion,
     )
@@ -81,8 +81,8 @@ pub(crate) fn reflections(
     rows.into_par_iter().zip(bands).for_each(
         |(mut rows, ((mut origin, mut direction), mut factor))| {
             for block in rows.blocks(size.0) {
-                rows.clear(block, true);
                 let (x, y) = block;
+                rows.set(Lobe::Glossy, block, Vec3::ZERO, 0.0);
                 let ray = asking(rows.chosen.get(x, y), block).and_then(|at| {
                     let surface =
                         gbuffer.surface_at(frame.scene, frame.view, &frame.shading, at)?;
@@ -97,7 +97,7 @@ pub(crate) fn reflections(
     let input = ScreenReflectionsInput {
         depth: &gbuffer.depth,
         colour: if picture.size() == gbuffer.size() { picture } else { &gbuffer.emitted },
-        camera: frame.view.camera(),
+        view: frame.view,
         origin,
         direction,
     };
@@ -108,21 +108,20 @@ pub(crate) fn reflections(
         ..ScreenReflectionsSettings::default()
     };
     screen_reflections(&input, &settings, found)?;
-    for mut rows in quads.rows() {
+    quads.rows().into_par_iter().for_each(|mut rows| {
         for (x, y) in rows.blocks(size.0) {
             let (towards, factor) = (direction.get(x, y), throughput.get(x, y));
             if towards == Vec3::ZERO {
                 continue;
             }
-            let radiance = if found.validity.get(x, y) > 0.0 {
-                rows.specular_distance.set(x, y, found.distance.get(x, y));
-                found.colour.get(x, y)
+            let (radiance, distance) = if found.validity.get(x, y) > 0.0 {
+                (found.colour.get(x, y), found.distance.get(x, y))
             } else {
-                rows.specular_distance.set(x, y, f32::INFINITY);
-                frame.lights.all.environment_radiance(frame.scene, towards)
+                let lights = &frame.lights.all;
+                (lights.environment_radiance(frame.scene, towards), f32::INFINITY)
             };
-            rows.specular.set(x, y, factor * radiance);
+            rows.set(Lobe::Glossy, (x, y), factor * radiance, distance);
         }
-    }
+    });
     Ok(())
 }

@@ -7,6 +7,7 @@
 
 use rayburst_image::{Plane, Plane3};
 use rayburst_math::glam::Vec3;
+use rayon::prelude::*;
 
 use crate::Result;
 
@@ -17,6 +18,15 @@ pub const LEAST_REFLECTANCE: f32 = 1e-3;
 #[inline]
 pub fn guarded(reflectance: Vec3) -> Vec3 {
     reflectance.max(Vec3::splat(LEAST_REFLECTANCE))
+}
+
+/// How light is scattered: the two kinds that signals are kept apart by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Lobe {
+    /// Diffuse reflection.
+    Broad,
+    /// Specular reflection.
+    Glossy,
 }
 
 /// Signals of a frame, at the size that is rendered. Radiance is in cd/m²; what is said to be
@@ -84,9 +94,9 @@ impl Signals {
         })
     }
 
-    /// Everything to zero, the ambient occlusion to one.
+    /// Everything to what it is without any pass.
     pub(crate) fn clear(&mut self) {
-        for planes in [
+        let zero = [
             &mut self.diffuse_reflectance,
             &mut self.specular_reflectance,
             &mut self.direct_diffuse,
@@ -96,14 +106,16 @@ impl Signals {
             &mut self.indirect_diffuse,
             &mut self.indirect_specular,
             &mut self.transparency,
-        ] {
-            planes.fill(Vec3::ZERO);
-        }
-        self.shadow.fill(1.0);
-        self.shadow_distance.fill(f32::INFINITY);
-        self.diffuse_hit_distance.fill(0.0);
-        self.specular_hit_distance.fill(0.0);
-        self.ambient_occlusion.fill(1.0);
-        self.occluder_distance.fill(f32::INFINITY);
+        ];
+        zero.into_par_iter().for_each(|planes| planes.fill(Vec3::ZERO));
+        let values = [
+            (&mut self.shadow, 1.0),
+            (&mut self.shadow_distance, f32::INFINITY),
+            (&mut self.diffuse_hit_distance, 0.0),
+            (&mut self.specular_hit_distance, 0.0),
+            (&mut self.ambient_occlusion, 1.0),
+            (&mut self.occluder_distance, f32::INFINITY),
+        ];
+        values.into_par_iter().for_each(|(plane, value)| plane.fill(value));
     }
 }

@@ -19,14 +19,15 @@ use rayburst_math::{
     glam::{Vec2, Vec3},
     hash,
 };
-use rayburst_scene::Camera;
 use rayon::prelude::*;
 
-use super::screen::{Screen, check_size, fit};
+use super::{
+    gbuffer::BAND,
+    screen::{Screen, check_size, fit},
+    view::FrameView,
+};
 use crate::Result;
 
-/// Rows that one thread works on.
-const BAND: u32 = 8;
 /// The most slices a pixel and samples a side of a slice.
 const MOST: u32 = 64;
 /// Sine of the elevation over the surface up to which what is seen counts as the surface itself.
@@ -63,13 +64,14 @@ impl Default for ScreenOcclusion {
 pub fn screen_occlusion(
     depth: &Plane,
     normal: &Plane3,
-    camera: &Camera,
+    view: &FrameView,
     settings: &ScreenOcclusion,
     visibility: &mut Plane,
 ) -> Result<()> {
     check_size("the plane of normals", normal.size(), depth.size())?;
+    check_size("the view", view.size(), depth.size())?;
     fit(visibility, depth.size())?;
-    let pass = Pass { depth, normal, screen: Screen::new(camera, depth.size()), settings };
+    let pass = Pass { depth, normal, screen: Screen::new(view), settings };
     let mut bands: Vec<Band<'_>> = visibility.bands_mut(BAND).collect();
     bands.par_iter_mut().for_each(|band| {
         for y in band.top()..band.top() + band.rows() {

@@ -10,14 +10,15 @@
 
 use rayburst_image::{Band, Band3, Plane, Plane3};
 use rayburst_math::glam::{Vec2, Vec3};
-use rayburst_scene::Camera;
 use rayon::prelude::*;
 
-use super::screen::{Screen, check_size, fit};
+use super::{
+    gbuffer::BAND,
+    screen::{Screen, check_size, fit},
+    view::FrameView,
+};
 use crate::Result;
 
-/// Rows that one thread works on.
-const BAND: u32 = 4;
 /// Rays end where they come this much nearer to the camera's plane than they began.
 const NEAR: f32 = 0.01;
 /// The most that depth changes from pixel to pixel of one surface, unless it changes evenly.
@@ -53,8 +54,8 @@ pub struct ScreenReflectionsInput<'a> {
     pub depth: &'a Plane,
     /// Radiance of each pixel, of the same size as `depth`.
     pub colour: &'a Plane3,
-    /// The camera of both.
-    pub camera: &'a Camera,
+    /// The view of both.
+    pub view: &'a FrameView,
     /// Origins of rays in the world. Any size: one a pixel, or one for several.
     pub origin: &'a Plane3,
     /// Their unit directions in the world; zero where there is no ray. Of the same size.
@@ -83,6 +84,7 @@ pub fn screen_reflections(
     settings: &ScreenReflectionsSettings,
     found: &mut ScreenReflections,
 ) -> Result<()> {
+    check_size("the view", input.view.size(), input.depth.size())?;
     check_size("the plane of colours", input.colour.size(), input.depth.size())?;
     check_size("the plane of directions", input.direction.size(), input.origin.size())?;
     let size = input.origin.size();
@@ -90,7 +92,7 @@ pub fn screen_reflections(
     {
         fit(plane, size)?;
     }
-    let screen = Screen::new(input.camera, input.depth.size());
+    let screen = Screen::new(input.view);
     fit(&mut found.nearness, input.depth.size())?;
     let mut rows: Vec<Band<'_>> = found.nearness.bands_mut(1).collect();
     rows.par_iter_mut().for_each(|row| {

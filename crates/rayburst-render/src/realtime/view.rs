@@ -4,9 +4,9 @@ use rayburst_math::{
     Ray, RayCone,
     glam::{Vec2, Vec3},
 };
+use rayburst_raster as raster;
 use rayburst_scene::{Camera, Projection, TextureLod};
 
-use super::eye_rays::EyeRays;
 use crate::RayFootprint;
 
 /// A camera at one frame: with the size it is rendered at, and where in the pixels rays go through.
@@ -17,7 +17,10 @@ pub struct FrameView {
     camera: Camera,
     size: (u32, u32),
     jitter: Vec2,
-    rays: EyeRays,
+    /// What all rays have in common.
+    frame: [Vec3; 3],
+    half: Vec2,
+    extent: Vec2,
     cone: RayCone,
 }
 
@@ -26,9 +29,14 @@ impl FrameView {
     /// pixels' centres.
     pub fn new(camera: Camera, size: (u32, u32), jitter: Vec2) -> Self {
         let camera = Camera { aperture: 0.0, ..camera };
-        let centre = 0.5 * Vec2::new(size.0 as f32, size.1 as f32);
-        let (_, cone) = camera.ray(centre, size, Vec2::ZERO);
-        Self { camera, size, jitter, rays: EyeRays::new(&camera, size, jitter), cone }
+        let extent = Vec2::new(size.0 as f32, size.1 as f32);
+        let half_height = match camera.projection {
+            Projection::Perspective { fov } => (0.5 * fov).tan(),
+            Projection::Orthographic { half_height } => half_height,
+        };
+        let half = Vec2::new(half_height * size.0 as f32 / size.1.max(1) as f32, half_height);
+        let (_, cone) = camera.ray(0.5 * extent, size, Vec2::ZERO);
+        Self { camera, size, jitter, frame: camera.frame(), half, extent, cone }
     }
 
     /// The camera, without a lens.
@@ -49,13 +57,23 @@ impl FrameView {
         self.jitter
     }
 
+    /// Half the size of the picture at distance 1 (perspective) or in the world (orthographic).
+    #[inline]
+    pub(crate) fn half_extent(&self) -> Vec2 {
+        self.half
+    }
+
+    /// Width and height in pixels, as numbers to calculate with.
+    #[inline]
+    pub(crate) fn extent(&self) -> Vec2 {
+        self.extent
+    }
+
     /// The cone of a pixel's ray, whose direction is given.
     #[inline]
     pub fn cone(&self, direction: Vec3) -> RayCone {
         match self.camera.projection {
-            Projection::Perspective { .. } => {
-                self.cone.off_axis(direction.dot(self.camera.frame()[2]))
-            }
+            Projection::Perspective { .. } => self.cone.off_axis(direction.dot(self.frame[2])),
             Projection::Orthographic { .. } => self.cone,
         }
     }
@@ -65,22 +83,74 @@ impl FrameView {
     pub fn footprint(&self, lod: TextureLod, (x, y): (u32, u32)) -> RayFootprint {
         let at = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + self.jitter;
         let cone = match lod {
-            TextureLod::Cones => self.cone(self.rays.ray(x, y).direction),
+            TextureLod::Cones => self.cone(self.ray(x, y).direction),
             _ => self.cone,
         };
         RayFootprint::of_eye(lod, &self.camera, at, self.size, Vec2::ZERO, cone)
     }
 
-    /// The ray through a pixel, its direction a unit vector.
-    #[inline]
+    /// The ray through a pixel, its direction a unit vector: with the bits of [`Camera::ray`].
+    #[inline(always)]
     pub fn ray(&self, x: u32, y: u32) -> Ray {
-        self.rays.ray(x, y)
+        let [r, u, v] = self.frame;
+        let pixel = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + self.jitter;
+        let p = (2.0 * pixel / self.extent - Vec2::ONE) * self.half;
+        match self.camera.projection {
+            Projection::Perspective { .. } => {
+                let s = p.x * r - p.y * u + v;
+                Ray::new(self.camera.eye(), s * (1.0 / s.dot(s).sqrt()))
+            }
+            Projection::Orthographic { .. } => Ray::new(self.camera.eye() + p.x * r - p.y * u, v),
+        }
+    }
+
+    /// The directions of the rays through `N` pixels side by side, `[axis][lane]`.
+    #[inline(always)]
+    pub(crate) fn directions<const N: usize>(&self, x: u32, y: u32) -> [[f32; N]; 3] {
+        let [r, u, v] = self.frame;
+        let mut directions = [[v.x; N], [v.y; N], [v.z; N]];
+        if let Projection::Orthographic { .. } = self.camera.projection {
+            return directions;
+        }
+        let py = (2.0 * (y as f32 + 0.5 + self.jitter.y) / self.extent.y - 1.0) * self.half.y;
+        let up = py * u;
+        for lane in 0..N {
+            let px = (x + lane as u32) as f32 + 0.5 + self.jitter.x;
+            let px = (2.0 * px / self.extent.x - 1.0) * self.half.x;
+            let (sx, sy, sz) =
+                (px * r.x - up.x + v.x, px * r.y - up.y + v.y, px * r.z - up.z + v.z);
+            let scale = 1.0 / ((sx * sx + sy * sy) + sz * sz).sqrt();
+            directions[0][lane] = sx * scale;
+            directions[1][lane] = sy * scale;
+            directions[2][lane] = sz * scale;
+        }
+        directions
+    }
+
+    /// Where the ray of a pixel begins.
+    #[inline(always)]
+    pub(crate) fn origin(&self, x: u32, y: u32) -> Vec3 {
+        match self.camera.projection {
+            Projection::Perspective { .. } => self.camera.eye(),
+            Projection::Orthographic { .. } => self.ray(x, y).origin,
+        }
+    }
+
+    /// The same view for the rasteriser.
+    pub(crate) fn to_raster(self) -> raster::View {
+        let half = self.half;
+        let projection = match self.camera.projection {
+            Projection::Perspective { .. } => raster::Projection::Perspective { half },
+            Projection::Orthographic { .. } => raster::Projection::Orthographic { half },
+        };
+        let Self { frame, size, jitter, .. } = self;
+        raster::View { eye: self.camera.eye(), frame, projection, size, jitter }
     }
 
     /// Distance of a point along the viewing direction.
     #[inline]
     pub fn depth(&self, world: Vec3) -> f32 {
-        (world - self.camera.eye()).dot(self.camera.frame()[2])
+        (world - self.camera.eye()).dot(self.frame[2])
     }
 
     /// Where the picture shows a point, in pixels, without the jitter; `None` behind the eye.
@@ -113,8 +183,10 @@ mod tests {
                     let pixel = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + jitter;
                     let (expected, cone) = camera.ray(pixel, size, Vec2::ZERO);
                     let ray = view.ray(x, y);
-                    assert!((ray.origin - expected.origin).length() < 1e-5);
-                    assert!((ray.direction - expected.direction).length() < 1e-5);
+                    assert_eq!(ray, expected);
+                    assert_eq!(view.origin(x, y), ray.origin);
+                    let directions = view.directions::<2>(x, y);
+                    assert_eq!(Vec3::from(directions.map(|axis| axis[0])), ray.direction);
                     let ours = view.cone(ray.direction);
                     assert_eq!(ours.width, cone.width);
                     assert!((ours.spread - cone.spread).abs() <= 1e-5 * cone.spread);

@@ -10,16 +10,16 @@ use rayburst_accel::CandidateFilter;
 use rayburst_image::Plane;
 use rayburst_math::{
     Hit, HitKind, Ray,
-    glam::{Affine3A, Vec2, Vec3},
+    glam::{Affine3A, Vec3},
 };
 use rayburst_raster::{
     Candidate, Clusters, Coverage, IsaLevel, Mesh, RasterError, Rasteriser, View, Visibility,
 };
-use rayburst_scene::{AlphaFilter, Camera, FlatScene, Primitive};
+use rayburst_scene::{AlphaFilter, FlatScene, Primitive};
 use rayburst_simd::{Isa, Kernel, Meetings, Pairs, meet_each};
 use rayon::prelude::*;
 
-use super::eye_rays::EyeRays;
+use super::view::FrameView;
 
 /// Pixels along a side of the squares in which rays are traced.
 const SQUARE: u32 = 8;
@@ -37,8 +37,6 @@ pub struct PrimaryRaster {
     visibility: Visibility,
     /// By geometry of the scene.
     kept: Vec<Kept>,
-    /// Empty: memory for the list of meshes.
-    meshes: Vec<Mesh<'static>>,
     placements: Vec<Placement>,
     /// Pixels of each band whose rays must be traced.
     missed: Vec<Vec<u32>>,
@@ -79,7 +77,6 @@ impl PrimaryRaster {
             rasteriser: Rasteriser::new(isa),
             visibility: Visibility::default(),
             kept: Vec::new(),
-            meshes: Vec::new(),
             placements: Vec::new(),
             missed: Vec::new(),
         }
@@ -120,28 +117,24 @@ impl PrimaryRaster {
 pub fn rasterise(
     raster: &mut PrimaryRaster,
     scene: &FlatScene,
-    camera: &Camera,
-    size: (u32, u32),
-    jitter: Vec2,
+    view: &FrameView,
     keys: &[u32],
     hits: &mut Vec<Hit>,
 ) -> Result<(), RasterError> {
-    let rays = EyeRays::new(camera, size, jitter);
+    let (rays, size) = (view, view.size());
     raster.update(scene);
-    let PrimaryRaster { isa, rasteriser, visibility, kept, meshes: memory, placements, missed } =
-        raster;
-    let mut meshes: Vec<Mesh<'_>> = std::mem::take(memory);
+    let PrimaryRaster { isa, rasteriser, visibility, kept, placements, missed } = raster;
+    let mut meshes = Vec::new();
     list(scene, kept, &mut meshes, placements);
     let keys = padded(keys, size);
     let alpha = AlphaFilter::new(scene, &keys);
-    let coverage = Alpha { rays: &rays, width: size.0, meshes: &meshes, placements, alpha };
-    let result = rasteriser.draw(&rays.view(), &meshes, &coverage, visibility);
+    let coverage = Alpha { rays, width: size.0, meshes: &meshes, placements, alpha };
+    let result = rasteriser.draw(&rays.to_raster(), &meshes, &coverage, visibility);
     if result.is_ok() {
         hits.resize(size.0 as usize * size.1 as usize, Hit::MISS);
         let bands = (size.1 as usize).div_ceil(SQUARE as usize);
         missed.resize_with(bands.max(missed.len()), Vec::new);
-        let resolve =
-            Resolve { rays: &rays, meshes: &meshes, placements, visibility, width: size.0 };
+        let resolve = Resolve { rays, meshes: &meshes, placements, visibility, width: size.0 };
         hits.par_chunks_mut((size.0 * SQUARE) as usize).zip(missed).enumerate().for_each(
             |(band, (hits, missed))| {
                 missed.clear();
@@ -155,9 +148,6 @@ pub fn rasterise(
             },
         );
     }
-    // An empty list may be of meshes that live for ever; collecting it keeps the memory.
-    meshes.clear();
-    *memory = meshes.into_iter().map(|_| unreachable!("the list is empty")).collect();
     result
 }
 
@@ -229,15 +219,8 @@ impl Coverage for TexelAlpha<'_> {
 }
 
 /// The twin of [`rasterise`] that traces a ray a pixel, 8×8 pixels after each other.
-pub fn trace_primary(
-    scene: &FlatScene,
-    camera: &Camera,
-    size: (u32, u32),
-    jitter: Vec2,
-    keys: &[u32],
-    hits: &mut Vec<Hit>,
-) {
-    let eye = EyeRays::new(camera, size, jitter);
+pub fn trace_primary(scene: &FlatScene, view: &FrameView, keys: &[u32], hits: &mut Vec<Hit>) {
+    let size = view.size();
     let opaque = scene.is_opaque();
     let all_keys = padded(keys, size);
     let (width, height) = size;
@@ -259,7 +242,7 @@ pub fn trace_primary(
                 for left in (first..width.min(first + SQUARE * SQUARES)).step_by(SQUARE as usize) {
                     for y in 0..rows {
                         for x in left..width.min(left + SQUARE) {
-                            rays.push(eye.ray(x, top + y));
+                            rays.push(view.ray(x, top + y));
                             keys.push(all_keys[((top + y) * width + x) as usize]);
                             pixels.push(y * width + x);
                         }
@@ -289,7 +272,7 @@ fn padded(keys: &[u32], size: (u32, u32)) -> std::borrow::Cow<'_, [u32]> {
 
 /// Asks alpha about candidates of the rasteriser.
 struct Alpha<'a> {
-    rays: &'a EyeRays,
+    rays: &'a FrameView,
     width: u32,
     meshes: &'a [Mesh<'a>],
     placements: &'a [Placement],
@@ -336,7 +319,7 @@ fn kind(front: bool) -> HitKind {
 
 /// Turns triangles of pixels into hits of their rays.
 struct Resolve<'a> {
-    rays: &'a EyeRays,
+    rays: &'a FrameView,
     meshes: &'a [Mesh<'a>],
     placements: &'a [Placement],
     visibility: &'a Visibility,

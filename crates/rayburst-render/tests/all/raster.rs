@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use glam::{Vec2, Vec3};
 use rayburst_accel::{BuildOptions, IsaLevel};
 use rayburst_math::{Hit, hash};
-use rayburst_render::realtime::{PrimaryRaster, rasterise, trace_primary};
+use rayburst_render::realtime::{FrameView, PrimaryRaster, rasterise, trace_primary};
 use rayburst_scene::{
     Camera, FlatScene, Flattener, Pose, Projection,
     import::{LoadOptions, load},
@@ -57,8 +57,9 @@ fn compare(
 ) -> usize {
     let keys: Vec<u32> = (0..SIZE.0 * SIZE.1).map(|i| hash::words(&[7, i])).collect();
     let (mut drawn, mut traced) = (Vec::new(), Vec::new());
-    rasterise(raster, scene, camera, SIZE, jitter, &keys, &mut drawn).expect("draws");
-    trace_primary(scene, camera, SIZE, jitter, &keys, &mut traced);
+    let view = FrameView::new(*camera, SIZE, jitter);
+    rasterise(raster, scene, &view, &keys, &mut drawn).expect("draws");
+    trace_primary(scene, &view, &keys, &mut traced);
     assert_eq!((drawn.len(), traced.len()), (57_600, 57_600));
     let at = |x: u32, y: u32| (y * SIZE.0 + x) as usize;
     let mut differ = 0;
@@ -142,13 +143,17 @@ fn moving_cameras_and_changing_scenes_are_followed() {
     }
     // Nothing to draw on is refused or empty.
     let mut hits = vec![Hit::MISS; 3];
-    assert!(rasterise(&mut raster, &zoo, &camera, (0, 4), Vec2::ZERO, &[], &mut hits).is_err());
-    trace_primary(&zoo, &camera, (0, 4), Vec2::ZERO, &[], &mut hits);
+    assert!(
+        rasterise(&mut raster, &zoo, &FrameView::new(camera, (0, 4), Vec2::ZERO), &[], &mut hits)
+            .is_err()
+    );
+    trace_primary(&zoo, &FrameView::new(camera, (0, 4), Vec2::ZERO), &[], &mut hits);
     assert!(hits.is_empty());
     // Missing keys are zeros, for both.
     let (mut drawn, mut traced) = (Vec::new(), Vec::new());
-    rasterise(&mut raster, &zoo, &camera, (40, 30), Vec2::ZERO, &[1], &mut drawn).expect("draws");
-    trace_primary(&zoo, &camera, (40, 30), Vec2::ZERO, &[1], &mut traced);
+    rasterise(&mut raster, &zoo, &FrameView::new(camera, (40, 30), Vec2::ZERO), &[1], &mut drawn)
+        .expect("draws");
+    trace_primary(&zoo, &FrameView::new(camera, (40, 30), Vec2::ZERO), &[1], &mut traced);
     let same = drawn.iter().zip(&traced).filter(|(a, b)| a == b).count();
     assert!(same >= 1195, "{same}");
 }
@@ -159,14 +164,21 @@ fn hits_depend_neither_on_threads_nor_on_instruction_sets() {
     let keys: Vec<u32> = (0..SIZE.0 * SIZE.1).collect();
     let mut expected = Vec::new();
     let mut first = PrimaryRaster::new(IsaLevel::detect());
-    rasterise(&mut first, &scene, &camera, SIZE, Vec2::ZERO, &keys, &mut expected).expect("draws");
+    rasterise(&mut first, &scene, &FrameView::new(camera, SIZE, Vec2::ZERO), &keys, &mut expected)
+        .expect("draws");
     for level in IsaLevel::available() {
         for threads in [1, 2] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("pool");
             let hits = pool.install(|| {
                 let (mut raster, mut hits) = (PrimaryRaster::new(level), Vec::new());
-                rasterise(&mut raster, &scene, &camera, SIZE, Vec2::ZERO, &keys, &mut hits)
-                    .expect("draws");
+                rasterise(
+                    &mut raster,
+                    &scene,
+                    &FrameView::new(camera, SIZE, Vec2::ZERO),
+                    &keys,
+                    &mut hits,
+                )
+                .expect("draws");
                 hits
             });
             assert!(hits == expected, "{} {threads}", level.name());

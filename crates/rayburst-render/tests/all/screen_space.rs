@@ -12,8 +12,8 @@ use rayburst_math::{
     warp,
 };
 use rayburst_render::realtime::{
-    ScreenOcclusion, ScreenReflections, ScreenReflectionsInput, ScreenReflectionsSettings,
-    screen_occlusion, screen_reflections,
+    FrameView, ScreenOcclusion, ScreenReflections, ScreenReflectionsInput,
+    ScreenReflectionsSettings, screen_occlusion, screen_reflections,
 };
 use rayburst_scene::{Camera, Projection};
 
@@ -95,9 +95,15 @@ fn cameras() -> [Camera; 2] {
     [camera, Camera { projection: Projection::Orthographic { half_height: 1.4 }, ..camera }]
 }
 
+/// The view that a picture was drawn for.
+fn view(picture: &Picture, camera: &Camera) -> FrameView {
+    FrameView::new(*camera, picture.depth.size(), Vec2::ZERO)
+}
+
 fn occlusion(picture: &Picture, camera: &Camera, settings: &ScreenOcclusion) -> Plane {
     let mut visibility = Plane::default();
-    screen_occlusion(&picture.depth, &picture.normal, camera, settings, &mut visibility)
+    let view = view(picture, camera);
+    screen_occlusion(&picture.depth, &picture.normal, &view, settings, &mut visibility)
         .expect("planes of one size");
     visibility
 }
@@ -229,8 +235,13 @@ fn strange_inputs_give_shares() {
     assert!((0..4).all(|y| open.row(y).iter().all(|&v| v == 1.0)));
     let other = Plane3::new(4, 5).expect("small");
     let mut out = Plane::default();
-    let failed =
-        screen_occlusion(&picture.depth, &other, &camera, &ScreenOcclusion::default(), &mut out);
+    let failed = screen_occlusion(
+        &picture.depth,
+        &other,
+        &view(&picture, &camera),
+        &ScreenOcclusion::default(),
+        &mut out,
+    );
     assert!(failed.is_err_and(|e| e.to_string().contains("4x5")));
 }
 
@@ -261,7 +272,7 @@ fn reflections(
     let input = ScreenReflectionsInput {
         depth: &picture.depth,
         colour: &picture.colour,
-        camera,
+        view: &view(picture, camera),
         origin: &picture.position,
         direction,
     };
@@ -348,7 +359,7 @@ fn rays_pass_behind_thin_things() {
     let input = ScreenReflectionsInput {
         depth: &picture.depth,
         colour: &picture.colour,
-        camera: &camera,
+        view: &view(&picture, &camera),
         origin: &rays.position,
         direction: &direction,
     };

@@ -109,15 +109,9 @@ impl LightSampler {
         Self::of_kinds(scene, LightKinds::ALL, |_, _, _| false)
     }
 
-    /// Prepares the lights of a scene but for some emissive triangles, whose light is found otherwise:
-    /// they are never sampled, and their [`LightSampler::emitter_pdf`] is 0. Whoever meets one of them
-    /// by a scattered ray must not add its light. `excluded` gets instance, geometry and primitive.
-    pub fn excluding(scene: &FlatScene, excluded: impl Fn(u32, u32, u32) -> bool) -> Self {
-        Self::of_kinds(scene, LightKinds::ALL, excluded)
-    }
-
-    /// Prepares the lights of some kinds as [`LightSampler::excluding`] does: those of other kinds are
-    /// never sampled, and their densities are zero.
+    /// Prepares the lights of some kinds, but for some emissive triangles, whose light is found otherwise:
+    /// what is left out is never sampled, and its density is zero. Whoever meets such a triangle by a
+    /// scattered ray must not add its light. `excluded` gets instance, geometry and primitive.
     pub fn of_kinds(
         scene: &FlatScene,
         kinds: LightKinds,

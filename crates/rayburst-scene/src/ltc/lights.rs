@@ -120,7 +120,7 @@ pub struct PolygonSample {
 
 /// All polygon lights of a scene, and which hits belong to them. All other lights (textured, partly
 /// transparent or finely tessellated emitters, the environment, punctual lights) are left for sampling:
-/// see [`crate::LightSampler::excluding`].
+/// see [`crate::LightSampler::of_kinds`].
 #[derive(Clone, Debug, Default)]
 pub struct PolygonLights {
     lights: Vec<PolygonLight>,

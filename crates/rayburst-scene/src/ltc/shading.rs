@@ -99,12 +99,6 @@ impl PolygonShading {
         }
     }
 
-    /// The base's part of [`PolygonShading::integrate`] alone.
-    pub fn integrate_diffuse(&self, corners: &[Vec3]) -> Vec3 {
-        let [cosine, a, b] = self.axial(&self.seen(corners));
-        self.diffuse(cosine, a, b, (cosine - a - b).max(0.0))
-    }
-
     /// The polygon in the frame, what is above the surface of it.
     fn seen(&self, corners: &[Vec3]) -> SeenPolygon {
         let local = corners.iter().map(|&c| self.frame.to_local(c - self.position));

@@ -12,8 +12,8 @@ use rayburst_math::{
     warp,
 };
 use rayburst_scene::{
-    Bsdf, FlatScene, Flattener, LightSampler, Material, Pose, Primitive, Scene, Texture,
-    TextureSlot,
+    Bsdf, FlatScene, Flattener, LightKinds, LightSampler, Material, Pose, Primitive, Scene,
+    Texture, TextureSlot,
     ltc::{PolygonLight, PolygonLightLimits, PolygonLights, PolygonShading, SurfaceBounds},
     shapes,
 };
@@ -174,8 +174,10 @@ fn no_light_is_lost_or_counted_twice() {
     let scene = lamps();
     let lights = PolygonLights::new(&scene, &PolygonLightLimits::default());
     let everything = LightSampler::new(&scene);
-    let rest = LightSampler::excluding(&scene, |i, g, p| lights.light_of(i, g, p).is_some());
-    let nothing = LightSampler::excluding(&scene, |_, _, _| true);
+    let rest = LightSampler::of_kinds(&scene, LightKinds::ALL, |i, g, p| {
+        lights.light_of(i, g, p).is_some()
+    });
+    let nothing = LightSampler::of_kinds(&scene, LightKinds::ALL, |_, _, _| true);
     assert!(nothing.is_empty() && !rest.is_empty());
     let close = |a: &Moments, b: f64, of_b: f64| {
         let error = a.standard_error().hypot(of_b);

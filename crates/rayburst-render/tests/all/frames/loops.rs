@@ -176,11 +176,25 @@ fn the_hybrid_frame_takes_about_two_and_a_quarter_rays_a_pixel() {
     let mut renderer = FrameRenderer::new(settings).unwrap();
     let frame = renderer.frame(&scene, &camera, &mut History::new()).unwrap();
     let secondary: u64 =
-        frame.passes.iter().filter(|p| p.name != "visibility").map(|p| p.rays).sum();
+        frame.passes.iter().filter(|p| p.name != "visibility").map(|p| p.rays.total()).sum();
+    let rays = frame.rays();
+    assert_eq!(rays.camera, 96 * 64);
+    assert_eq!(secondary, rays.shadow + rays.indirect);
+    assert!(rays.shadow > rays.indirect && rays.indirect > 0);
     let per_pixel = secondary as f64 / (96.0 * 64.0);
     assert!((0.5..=2.25).contains(&per_pixel), "{per_pixel}");
     let names: Vec<&str> = frame.passes.iter().map(|pass| pass.name).collect();
-    for name in ["visibility", "gbuffer", "direct", "indirect", "ambient_occlusion", "composite"] {
+    for name in [
+        "visibility",
+        "gbuffer",
+        "direct",
+        "polygon_lights",
+        "reflections",
+        "indirect",
+        "ambient_occlusion",
+        "transparency",
+        "composite",
+    ] {
         assert!(names.contains(&name), "{name} is not among {names:?}");
     }
     assert!(frame.passes.iter().all(|pass| pass.seconds >= 0.0));

@@ -8,8 +8,10 @@ use rayburst_render::{
     },
 };
 
+use rayburst_scene::import;
+
 use super::{channels, mean_of_frames};
-use crate::scenes::{built_in, picture, settings, zoo};
+use crate::scenes::{built_in, flat, picture, settings, zoo};
 
 fn frames(mode: FrameMode, max_depth: u32) -> FrameSettings {
     let passes = Passes { ambient: false, ..Passes::ALL };
@@ -42,6 +44,28 @@ fn all_passes_together_are_the_path_tracer() {
     for depth in [1, 2, 3, 5] {
         let (mean, pixels) = compare("cornell", FrameMode::Hybrid, depth, 256);
         assert!(mean < 0.01 && pixels < 0.12, "depth {depth}: {mean} {pixels}");
+    }
+}
+
+#[test]
+fn sun_and_sky_are_shared_between_passes_without_loss() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/scenes");
+    let path = std::path::Path::new(folder).join("sponza/sponza.gltf");
+    if !path.is_file() {
+        eprintln!("skipped: {} is not there", path.display());
+        return;
+    }
+    let scene = import::load(&path, &Default::default()).unwrap();
+    let (flat, camera) = (flat(&scene), scene.views[0].camera);
+    let size = (96, 54);
+    let reference = RenderSettings { max_depth: 3, ..settings(size, 512) };
+    let reference = channels(&picture(&flat, camera, &reference));
+    for mode in [FrameMode::Hybrid, FrameMode::Path] {
+        let frames = FrameSettings { size, ..frames(mode, 3) };
+        let mean = channels(&mean_of_frames(&flat, camera, &frames, 128));
+        let difference = ((mean - reference) / reference).abs().max_element();
+        eprintln!("{mode:?}: {difference} of the path tracer's mean");
+        assert!(difference < 0.02, "{mode:?}: {mean}, not {reference}");
     }
 }
 
@@ -122,7 +146,7 @@ fn passes_that_are_left_out_leave_nothing() {
         let mut history = History::new();
         let frame = renderer.frame(&scene, &camera, &mut history).unwrap();
         let rays: u64 =
-            frame.passes.iter().filter(|p| p.name != "visibility").map(|p| p.rays).sum();
+            frame.passes.iter().filter(|p| p.name != "visibility").map(|p| p.rays.total()).sum();
         (channels(&frame.picture.to_image()), rays)
     };
     assert_eq!(render(none), (Vec3::ZERO, 0));
