@@ -65,17 +65,6 @@ impl Frame<'_> {
     pub fn rays(&self) -> RayCounts {
         self.passes.iter().fold(RayCounts::default(), |sum, pass| sum + pass.rays)
     }
-
-    /// Rays a pixel of the size that is rendered.
-    pub fn rays_per_pixel(&self) -> f64 {
-        let (width, height) = self.picture.size();
-        self.rays().total() as f64 / (f64::from(width) * f64::from(height))
-    }
-
-    /// Time of all passes, seconds.
-    pub fn seconds(&self) -> f64 {
-        self.passes.iter().map(|pass| pass.seconds).sum()
-    }
 }
 
 /// Renders frames of moving scenes, one after the other. Runs on the rayon pool it is called in; frames do
