@@ -16,6 +16,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("rayburst-image", &["rayburst-math"]),
     ("rayburst-scene", &["rayburst-math", "rayburst-accel", "rayburst-image"]),
     ("rayburst-raster", &["rayburst-math", "rayburst-simd", "rayburst-image"]),
+    ("rayburst-denoise", &["rayburst-math", "rayburst-simd", "rayburst-image"]),
     (
         "rayburst-render",
         &[
@@ -24,6 +25,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "rayburst-accel",
             "rayburst-image",
             "rayburst-raster",
+            "rayburst-denoise",
             "rayburst-scene",
         ],
     ),
@@ -35,6 +37,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "rayburst-pipeline",
             "rayburst-procedural",
             "rayburst-image",
+            "rayburst-denoise",
             "rayburst-scene",
             "rayburst-render",
         ],
