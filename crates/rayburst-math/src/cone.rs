@@ -24,7 +24,7 @@ pub struct RayCone {
 }
 
 /// Least cosine of incidence that footprints are stretched by, and that interfaces are seen under.
-const GRAZING: f32 = 1.0 / 64.0;
+pub const GRAZING: f32 = 1.0 / 64.0;
 
 impl RayCone {
     /// The cone of an eye ray through the middle of a picture: zero width, the angle that one pixel

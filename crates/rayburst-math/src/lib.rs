@@ -11,6 +11,7 @@ pub mod differential;
 pub mod distribution;
 pub mod frame;
 pub mod hash;
+pub mod lanes;
 pub mod offset;
 pub mod ray;
 pub mod sampler;

@@ -32,6 +32,7 @@ pub mod texture;
 pub mod texture_ellipse;
 pub mod texture_lookup;
 mod trace;
+pub mod wide;
 
 pub use alpha::AlphaFilter;
 pub use bsdf::{Bsdf, BsdfSample, LobeValues, SpecularPath};

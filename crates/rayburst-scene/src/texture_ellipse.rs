@@ -19,10 +19,10 @@ use crate::{
 pub const MAX_TAPS: u32 = 16;
 
 /// Ellipses that are longer than wide by less are looked up once.
-const ROUND: f32 = 1.3;
+pub(crate) const ROUND: f32 = 1.3;
 
 /// The longest axis in texels, so that squares stay finite.
-const LONGEST: f32 = 1e8;
+pub(crate) const LONGEST: f32 = 1e8;
 
 /// The ellipse of a parallelogram: what has the same second moments.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -70,7 +70,7 @@ impl FlatScene {
     }
 
     #[inline]
-    fn texture_image(&self, slot: &TextureSlot) -> Option<(&Texture, &MipMap)> {
+    pub(crate) fn texture_image(&self, slot: &TextureSlot) -> Option<(&Texture, &MipMap)> {
         let texture = self.textures.get(slot.index()?)?;
         Some((texture, self.images.get(texture.image as usize)?))
     }

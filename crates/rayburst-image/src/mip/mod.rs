@@ -179,6 +179,41 @@ impl MipMap {
         sum
     }
 
+    /// The bytes of four texels of one level, where two columns and two rows meet, row by row: red in the
+    /// lowest byte, then green, blue and alpha; grey is repeated, missing alpha is 255.
+    ///
+    /// Panics when the level or a coordinate is out of range.
+    #[inline]
+    pub fn bytes_at(&self, level: usize, columns: [u32; 2], rows: [u32; 2]) -> [u32; 4] {
+        let MipLevel { width, data, .. } = &self.levels[level];
+        let channels = self.channels;
+        let at = |x: u32, y: u32| (y as usize * *width as usize + x as usize) * channels;
+        let places = [
+            at(columns[0], rows[0]),
+            at(columns[1], rows[0]),
+            at(columns[0], rows[1]),
+            at(columns[1], rows[1]),
+        ];
+        match channels {
+            4 => places.map(|place| {
+                let texel = &data[place..place + 4];
+                u32::from_le_bytes([texel[0], texel[1], texel[2], texel[3]])
+            }),
+            3 => places.map(|place| {
+                let texel = &data[place..place + 3];
+                u32::from_le_bytes([texel[0], texel[1], texel[2], 255])
+            }),
+            2 => places.map(|place| {
+                let texel = &data[place..place + 2];
+                u32::from_le_bytes([texel[0], texel[0], texel[0], texel[1]])
+            }),
+            _ => places.map(|place| {
+                let grey = data[place];
+                u32::from_le_bytes([grey, grey, grey, 255])
+            }),
+        }
+    }
+
     /// A texel's alpha alone, from 0 to 1.
     #[inline]
     pub fn alpha(&self, level: usize, x: u32, y: u32) -> f32 {
