@@ -95,6 +95,14 @@ impl<T: Copy + Default> Plane<T> {
         self.values[index]
     }
 
+    /// Sixteen values from an [`Plane::index`] on. Panics beyond the plane's end.
+    #[inline(always)]
+    pub fn lanes(&self, index: usize) -> [T; ROW_ALIGN] {
+        let mut out = [T::default(); ROW_ALIGN];
+        out.copy_from_slice(&self.values[index..index + ROW_ALIGN]);
+        out
+    }
+
     /// The value of the nearest pixel of the picture; the picture must not be empty.
     #[inline]
     pub fn get_clamped(&self, x: i32, y: i32) -> T {
@@ -151,6 +159,13 @@ impl<T: Copy> Band<'_, T> {
     #[inline]
     pub fn row_mut(&mut self, y: u32) -> &mut [T] {
         &mut self.values[(y - self.top) as usize * self.stride..][..self.width as usize]
+    }
+
+    /// The values from a pixel on to the end of its row, with the padding.
+    #[inline]
+    pub fn from_pixel_mut(&mut self, x: u32, y: u32) -> &mut [T] {
+        let row = (y - self.top) as usize * self.stride;
+        &mut self.values[row + x as usize..row + self.stride]
     }
 
     /// The value of a pixel, by its place in the plane. Panics outside the band.
@@ -243,6 +258,13 @@ pub struct Band3<'a> {
 }
 
 impl Band3<'_> {
+    /// The values of each channel from a pixel on to the end of its row, with the padding.
+    #[inline]
+    pub fn from_pixel_mut(&mut self, x: u32, y: u32) -> [&mut [f32]; 3] {
+        let [a, b, c] = &mut self.channels;
+        [a.from_pixel_mut(x, y), b.from_pixel_mut(x, y), c.from_pixel_mut(x, y)]
+    }
+
     /// The value of a pixel, by its place in the plane. Panics outside the band.
     #[inline]
     pub fn get(&self, x: u32, y: u32) -> Vec3 {

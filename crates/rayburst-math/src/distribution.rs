@@ -7,6 +7,9 @@ use glam::Vec2;
 pub struct Distribution1d {
     /// `cdf[i]` is the probability of an item below `i`; `n + 1` entries, last exactly 1.
     cdf: Vec<f32>,
+    /// Where to begin to search for numbers from `k/n` on, so that a few steps are enough (Chen, Asau: "On
+    /// Generating Random Variates from an Empirical Distribution", AIIE Transactions 1974).
+    guide: Vec<u32>,
     total: f32,
 }
 
@@ -28,7 +31,15 @@ impl Distribution1d {
         if let Some(last) = cdf.last_mut().filter(|_| n > 0) {
             *last = 1.0;
         }
-        Self { cdf, total: total as f32 }
+        let mut item = 0;
+        let guide = (0..n).map(|k| {
+            let from = k as f32 / n as f32;
+            while item + 1 < n && cdf[item + 1] <= from {
+                item += 1;
+            }
+            item as u32
+        });
+        Self { guide: guide.collect(), cdf, total: total as f32 }
     }
 
     /// Number of items.
@@ -59,7 +70,15 @@ impl Distribution1d {
         if self.is_empty() {
             return None;
         }
-        let i = (self.cdf.partition_point(|&c| c <= u) - 1).min(self.len() - 1);
+        let last = self.len() - 1;
+        let mut i = self.guide[((u * self.guide.len() as f32) as usize).min(last)] as usize;
+        // The last item that begins at or below `u`.
+        while i < last && self.cdf[i + 1] <= u {
+            i += 1;
+        }
+        while i > 0 && self.cdf[i] > u {
+            i -= 1;
+        }
         let p = self.probability(i);
         let rest = if p > 0.0 { ((u - self.cdf[i]) / p).clamp(0.0, 1.0 - f32::EPSILON) } else { u };
         Some((i, p, rest))
@@ -132,6 +151,22 @@ mod tests {
         assert!(Distribution1d::new(&[]).sample(0.5).is_none());
         assert_eq!(Distribution1d::new(&[0.0, 0.0]).sample(0.75).unwrap().0, 1);
         assert_eq!(d.sample(1.0 - f32::EPSILON).unwrap().0, 3);
+    }
+
+    #[test]
+    fn the_guide_finds_what_a_search_finds() {
+        let mut rng = Rng::new(6);
+        for n in [1usize, 2, 7, 100, 3000] {
+            let weights: Vec<f32> =
+                (0..n).map(|_| if rng.f32() < 0.3 { 0.0 } else { rng.f32().powi(8) }).collect();
+            let d = Distribution1d::new(&weights);
+            let edges = d.cdf.iter().flat_map(|&c| [c.next_down(), c, c.next_up()]);
+            let others = (0..5000).map(|_| rng.f32());
+            for u in edges.chain(others).filter(|u| (0.0..1.0).contains(u)).collect::<Vec<_>>() {
+                let searched = (d.cdf.partition_point(|&c| c <= u) - 1).min(n - 1);
+                assert_eq!(d.sample(u).unwrap().0, searched, "{u} of {n}");
+            }
+        }
     }
 
     #[test]

@@ -37,16 +37,16 @@ impl SamplerKind {
 /// The sequence of one sample of one pixel: 16 bytes, copied freely, no state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampler {
-    kind: SamplerKind,
+    pub(crate) kind: SamplerKind,
     /// Hash of seed and pixel; for `blue` the seed.
-    key: u32,
-    sample: u32,
+    pub(crate) key: u32,
+    pub(crate) sample: u32,
     /// The pixel's place on the Z curve.
-    place: u32,
+    pub(crate) place: u32,
 }
 
 /// Direction numbers of the first four Sobol' dimensions.
-const SOBOL: [[u32; 32]; 4] = [
+pub(crate) const SOBOL: [[u32; 32]; 4] = [
     directions(0, 0, [0; 3]),
     directions(1, 0, [1, 0, 0]),
     directions(2, 1, [1, 3, 0]),
@@ -98,7 +98,7 @@ const fn byte_tables() -> [[[u32; 256]; 4]; 3] {
 }
 
 #[inline]
-fn sobol(index: u32, dimension: usize) -> u32 {
+pub(crate) fn sobol(index: u32, dimension: usize) -> u32 {
     if dimension == 0 {
         return index.reverse_bits();
     }
@@ -109,7 +109,7 @@ fn sobol(index: u32, dimension: usize) -> u32 {
 
 /// Nested uniform (Owen) scrambling of the bits of `x`, highest bit first.
 #[inline]
-fn owen_scramble(x: u32, seed: u32) -> u32 {
+pub(crate) fn owen_scramble(x: u32, seed: u32) -> u32 {
     let mut x = x.reverse_bits();
     x ^= x.wrapping_mul(0x3d20_adea);
     x = x.wrapping_add(seed);

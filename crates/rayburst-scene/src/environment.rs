@@ -42,9 +42,15 @@ impl EnvironmentMap {
     /// The unit direction of a point of the picture; inverse of [`EnvironmentMap::uv_of`].
     #[inline]
     pub fn direction_of(&self, uv: Vec2) -> Vec3 {
+        self.direction_and_sine_of(uv).0
+    }
+
+    /// The same with the sine of the angle to the vertical axis.
+    #[inline]
+    pub(crate) fn direction_and_sine_of(&self, uv: Vec2) -> (Vec3, f32) {
         let phi = (uv.x - 0.5) * std::f32::consts::TAU - self.rotation;
         let (sin_theta, cos_theta) = (uv.y * std::f32::consts::PI).sin_cos();
         let (sin_phi, cos_phi) = phi.sin_cos();
-        Vec3::new(sin_theta * sin_phi, cos_theta, -sin_theta * cos_phi)
+        (Vec3::new(sin_theta * sin_phi, cos_theta, -sin_theta * cos_phi), sin_theta)
     }
 }

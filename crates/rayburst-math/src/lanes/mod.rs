@@ -5,7 +5,11 @@
 //! scalar operations, bit for bit, unless said otherwise; nothing is fused.
 
 mod numbers;
+mod sampler;
 mod vectors;
+mod warp;
 
-pub use numbers::{F32x16, I32x16, LANES, Mask16, U32x16};
-pub use vectors::{Vec2x16, Vec3x16};
+pub use numbers::{F32x16, I32x16, LANES, Mask16, Select, U32x16};
+pub use sampler::Sampler16;
+pub use vectors::{Frame16, Vec2x16, Vec3x16, spawn_origin};
+pub use warp::{concentric_disk, cosine_hemisphere};

@@ -20,9 +20,16 @@ pub struct I32x16(pub [i32; LANES]);
 #[repr(C, align(64))]
 pub struct U32x16(pub [u32; LANES]);
 
-/// Sixteen answers.
+/// Sixteen answers: words of ones or of zeros, as vector registers hold them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Mask16(pub [bool; LANES]);
+#[repr(C, align(64))]
+pub struct Mask16([u32; LANES]);
+
+/// Numbers of this size and more are cut off, or taken to be whole.
+const WHOLE: f32 = 4_194_304.0;
+
+/// 1.5 · 2²³: its sum with a smaller number has the bits of the nearest whole one.
+const ROUNDING: f32 = 12_582_912.0;
 
 macro_rules! lanewise {
     ($type:ident, $trait:ident, $method:ident, $a:ident, $b:ident => $result:expr) => {
@@ -49,6 +56,7 @@ lanewise!(I32x16, Add, add, a, b => a.wrapping_add(b));
 lanewise!(I32x16, Sub, sub, a, b => a.wrapping_sub(b));
 lanewise!(I32x16, Mul, mul, a, b => a.wrapping_mul(b));
 lanewise!(U32x16, Add, add, a, b => a.wrapping_add(b));
+lanewise!(U32x16, Sub, sub, a, b => a.wrapping_sub(b));
 lanewise!(U32x16, Mul, mul, a, b => a.wrapping_mul(b));
 lanewise!(U32x16, BitAnd, bitand, a, b => a & b);
 lanewise!(U32x16, BitOr, bitor, a, b => a | b);
@@ -142,6 +150,12 @@ impl Not for Mask16 {
     }
 }
 
+/// All bits set where something holds.
+#[inline(always)]
+const fn word(holds: bool) -> u32 {
+    if holds { u32::MAX } else { 0 }
+}
+
 impl Shr<u32> for U32x16 {
     type Output = Self;
     #[inline(always)]
@@ -163,7 +177,7 @@ macro_rules! compare {
                 pub fn $method(self, other: Self) -> Mask16 {
                     let mut out = Mask16::default();
                     for i in 0..LANES {
-                        out.0[i] = self.0[i] $operator other.0[i];
+                        out.0[i] = word(self.0[i] $operator other.0[i]);
                     }
                     out
                 }
@@ -256,23 +270,44 @@ impl F32x16 {
         self.max(Self::splat(least)).min(Self::splat(most))
     }
 
-    /// The largest whole numbers that are not greater, of numbers below 2³¹ in size; others are cut off there.
+    /// The largest whole numbers that are not greater.
     #[inline(always)]
     pub fn floor(self) -> Self {
         let mut out = self;
         for i in 0..LANES {
-            let truncated = (self.0[i] as i32) as f32;
-            out.0[i] = if truncated > self.0[i] { truncated - 1.0 } else { truncated };
+            // Rounded to the nearest, by a sum without room for what is behind the point: casts of single
+            // numbers cannot be done in vectors.
+            let x = self.0[i];
+            let nearest = (x + ROUNDING) - ROUNDING;
+            let floor = if nearest > x { nearest - 1.0 } else { nearest };
+            out.0[i] = if x.abs() < WHOLE { floor } else { x };
         }
         out
     }
 
-    /// Numbers without what is behind the point; not-a-numbers are 0, and what is too large is cut off.
+    /// Whole numbers of at most 2²² in size; what is greater is cut off, and not-a-numbers are −2²².
     #[inline(always)]
     pub fn to_i32(self) -> I32x16 {
+        let within = self.clamp(-WHOLE, WHOLE);
         let mut out = I32x16::default();
         for i in 0..LANES {
-            out.0[i] = self.0[i] as i32;
+            out.0[i] = (within.0[i] + ROUNDING).to_bits() as i32 - ROUNDING.to_bits() as i32;
+        }
+        out
+    }
+
+    /// The next numbers upwards where `up` holds, downwards elsewhere; of finite numbers.
+    #[inline(always)]
+    pub fn next(self, up: Mask16) -> Self {
+        let mut out = self;
+        for i in 0..LANES {
+            let bits = self.0[i].to_bits();
+            let sign = bits & (1 << 31);
+            // Away from zero or towards it.
+            let away = (sign == 0) == up.lane(i);
+            let moved = if away { bits.wrapping_add(1) } else { bits.wrapping_sub(1) };
+            let from_zero = if up.lane(i) { 1 } else { 1 | 1 << 31 };
+            out.0[i] = f32::from_bits(if bits == sign { from_zero } else { moved });
         }
         out
     }
@@ -291,6 +326,25 @@ impl F32x16 {
     #[inline(always)]
     pub fn is_finite(self) -> Mask16 {
         self.abs().is_less(Self::splat(f32::INFINITY))
+    }
+
+    /// Sines and cosines of angles in turns of 2π, wrong by less than 3·10⁻⁷; turns are less than 10⁶ in size.
+    #[inline(always)]
+    pub fn sin_cos_turns(self) -> (Self, Self) {
+        let quarters = self * 4.0;
+        let nearest = (quarters + 0.5).floor();
+        let x = quarters - nearest;
+        let z = x * x;
+        let sine = x
+            * (((z * -0.004_602_177 + 0.079_680_23) * z - 0.645_963_5) * z
+                + std::f32::consts::FRAC_PI_2);
+        let cosine = ((z * -0.020_408_353 + 0.253_598_64) * z - 1.233_697) * z + 1.0;
+        let turned = nearest - 4.0 * (nearest * 0.25).floor();
+        let odd = turned.is_equal(Self::ONE) | turned.is_equal(Self::splat(3.0));
+        let (s, c) = (odd.select(cosine, sine), odd.select(sine, cosine));
+        let minus_sine = turned.is_at_least(Self::splat(2.0));
+        let minus_cosine = turned.is_equal(Self::ONE) | turned.is_equal(Self::splat(2.0));
+        (minus_sine.select(-s, s), minus_cosine.select(-c, c))
     }
 
     /// Logarithms to base 2 of positive normal numbers, wrong by less than 4·10⁻⁶.
@@ -345,6 +399,26 @@ impl U32x16 {
         Self([value; LANES])
     }
 
+    /// Bits moved upwards by fewer than 32 places.
+    #[inline(always)]
+    pub fn shifted_left(self, bits: u32) -> Self {
+        let mut out = self;
+        for i in 0..LANES {
+            out.0[i] = self.0[i] << bits;
+        }
+        out
+    }
+
+    /// The bits in reverse order.
+    #[inline(always)]
+    pub fn reverse_bits(self) -> Self {
+        let mut out = self;
+        for i in 0..LANES {
+            out.0[i] = self.0[i].reverse_bits();
+        }
+        out
+    }
+
     /// As numbers with a point, of numbers below 2³¹.
     #[inline(always)]
     pub fn to_f32(self) -> F32x16 {
@@ -372,25 +446,42 @@ pub trait Select: Copy {
     fn select(mask: Mask16, a: Self, b: Self) -> Self;
 }
 
-macro_rules! select {
-    ($($type:ident),+) => {
-        $(impl Select for $type {
-            #[inline(always)]
-            fn select(mask: Mask16, a: Self, b: Self) -> Self {
-                let mut out = b;
-                for i in 0..LANES {
-                    out.0[i] = if mask.0[i] { a.0[i] } else { b.0[i] };
-                }
-                out
-            }
-        })+
-    };
+// By bits, so that nothing tempts compilers to choose between addresses.
+impl Select for U32x16 {
+    #[inline(always)]
+    fn select(mask: Mask16, a: Self, b: Self) -> Self {
+        let mut out = b;
+        for i in 0..LANES {
+            out.0[i] = (a.0[i] & mask.0[i]) | (b.0[i] & !mask.0[i]);
+        }
+        out
+    }
 }
-select!(F32x16, I32x16, U32x16);
+
+impl Select for I32x16 {
+    #[inline(always)]
+    fn select(mask: Mask16, a: Self, b: Self) -> Self {
+        let mut out = b;
+        for i in 0..LANES {
+            let bits = (a.0[i] as u32 & mask.0[i]) | (b.0[i] as u32 & !mask.0[i]);
+            out.0[i] = bits as i32;
+        }
+        out
+    }
+}
+
+impl Select for F32x16 {
+    #[inline(always)]
+    fn select(mask: Mask16, a: Self, b: Self) -> Self {
+        U32x16::select(mask, a.to_bits(), b.to_bits()).as_f32()
+    }
+}
 
 impl Mask16 {
     /// Nowhere.
-    pub const NONE: Self = Self([false; LANES]);
+    pub const NONE: Self = Self([0; LANES]);
+    /// Everywhere.
+    pub const ALL: Self = Self([u32::MAX; LANES]);
 
     /// `a` where the mask holds, `b` elsewhere.
     #[inline(always)]
@@ -403,7 +494,7 @@ impl Mask16 {
     pub fn any(self) -> bool {
         let mut any = false;
         for i in 0..LANES {
-            any |= self.0[i];
+            any |= self.0[i] != 0;
         }
         any
     }
@@ -414,14 +505,21 @@ impl Mask16 {
         !(!self).any()
     }
 
-    /// Where it holds, from the lowest bit on.
+    /// Whether it holds in a lane.
     #[inline(always)]
-    pub fn bits(self) -> u32 {
-        let mut bits = 0;
-        for i in 0..LANES {
-            bits |= u32::from(self.0[i]) << i;
-        }
-        bits
+    pub fn lane(&self, i: usize) -> bool {
+        self.0[i] != 0
+    }
+
+    /// Says whether it holds in a lane.
+    #[inline(always)]
+    pub fn set_lane(&mut self, i: usize, holds: bool) {
+        self.0[i] = word(holds);
+    }
+
+    /// The lanes where it holds.
+    pub fn lanes(self) -> impl Iterator<Item = usize> {
+        (0..LANES).filter(move |&i| self.0[i] != 0)
     }
 }
 
@@ -449,24 +547,52 @@ mod tests {
             assert_eq!((-a).0[i], -x);
             assert_eq!(a.abs().sqrt().0[i], x.abs().sqrt());
             assert_eq!(a.floor().0[i], x.floor());
+            assert_eq!(a.floor().to_i32().0[i], x.floor() as i32);
             assert_eq!((a.min(b).0[i], a.max(b).0[i]), (x.min(y), x.max(y)));
             assert_eq!(a.is_less(b).select(a, b).0[i], x.min(y));
             assert_eq!(a.clamp(-1.0, 1.0).0[i], x.clamp(-1.0, 1.0));
         }
-        assert_eq!(
-            a.is_less(b).bits().count_ones(),
-            a.0.iter().zip(b.0).filter(|(a, b)| *a < b).count() as u32
-        );
+        let less = a.0.iter().zip(b.0).enumerate().filter(|(_, (a, b))| *a < b);
+        assert!(a.is_less(b).lanes().eq(less.map(|(i, _)| i)));
         assert!(a.is_equal(a).all() && a.is_less(b).any() && !a.is_less(a).any());
+    }
+
+    #[test]
+    fn neighbours_are_those_of_single_numbers() {
+        let mut some = of(|i| (i - 7.5) * 0.3);
+        some.0[..4].copy_from_slice(&[0.0, -0.0, f32::MIN_POSITIVE, -1.0]);
+        let (up, down) = (some.next(!Mask16::NONE), some.next(Mask16::NONE));
+        for i in 0..LANES {
+            assert_eq!(up.0[i], some.0[i].next_up());
+            assert_eq!(down.0[i], some.0[i].next_down());
+        }
     }
 
     #[test]
     fn what_is_not_a_number_gives_way() {
         let bad = F32x16::splat(f32::NAN);
         assert_eq!(bad.min(F32x16::ONE), F32x16::ONE);
+        assert!(bad.floor().0[3].is_nan() && bad.to_i32().0[3] == -1 << 22);
+        let large = F32x16::splat(1e30);
+        assert_eq!((large.floor(), large.to_i32().0[0]), (large, 1 << 22));
         assert_eq!(bad.clamp(0.0, 1.0), F32x16::ZERO);
         assert!(!bad.is_finite().any() && !F32x16::splat(f32::INFINITY).is_finite().any());
         assert!(F32x16::ONE.is_finite().all());
+    }
+
+    #[test]
+    fn sines_and_cosines_are_near() {
+        for step in -100..100 {
+            let x = of(|i| 0.0137 * (16.0 * step as f32 + i));
+            let (sine, cosine) = x.sin_cos_turns();
+            for lane in 0..LANES {
+                let (s, c) = (f64::from(x.0[lane]) * std::f64::consts::TAU).sin_cos();
+                // The angle itself is rounded.
+                let bound = 3e-7 + 1.2e-6 * f64::from(x.0[lane].abs());
+                assert!((f64::from(sine.0[lane]) - s).abs() < bound, "{}", x.0[lane]);
+                assert!((f64::from(cosine.0[lane]) - c).abs() < bound, "{}", x.0[lane]);
+            }
+        }
     }
 
     #[test]

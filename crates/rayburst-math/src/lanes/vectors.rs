@@ -4,7 +4,7 @@ use std::ops::{Add, Mul, Neg, Sub};
 
 use glam::{Vec2, Vec3};
 
-use super::numbers::{F32x16, Mask16, Select};
+use super::numbers::{F32x16, Mask16, Select, U32x16};
 
 /// Sixteen vectors of two coordinates.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -177,10 +177,128 @@ impl Vec3x16 {
     }
 }
 
+/// Sixteen orthonormal frames; see [`crate::Frame`].
+#[derive(Clone, Copy, Debug)]
+pub struct Frame16 {
+    /// First axes.
+    pub tangent: Vec3x16,
+    /// Second axes.
+    pub bitangent: Vec3x16,
+    /// Third axes.
+    pub normal: Vec3x16,
+}
+
+impl Frame16 {
+    /// Frames around unit normals; see [`crate::Frame::from_normal`].
+    #[inline(always)]
+    pub fn from_normal(normal: Vec3x16) -> Self {
+        let one = F32x16::ONE;
+        // Of −0, too.
+        let sign = ((normal.z.to_bits() & U32x16::splat(1 << 31)) | one.to_bits()).as_f32();
+        let a = -1.0 / (sign + normal.z);
+        let b = normal.x * normal.y * a;
+        Self {
+            tangent: Vec3x16 {
+                x: one + sign * normal.x * normal.x * a,
+                y: sign * b,
+                z: -sign * normal.x,
+            },
+            bitangent: Vec3x16 { x: b, y: sign + normal.y * normal.y * a, z: -normal.y },
+            normal,
+        }
+    }
+
+    /// Frames around unit normals with tangents nearest to those given; see
+    /// [`crate::Frame::from_normal_tangent`].
+    #[inline(always)]
+    pub fn from_normal_tangent(normal: Vec3x16, tangent: Vec3x16) -> Self {
+        let arbitrary = Self::from_normal(normal).tangent;
+        let tangent = (tangent - normal * normal.dot(tangent)).normalize_or(arbitrary);
+        Self { tangent, bitangent: normal.cross(tangent), normal }
+    }
+
+    /// From world space into the frames.
+    #[inline(always)]
+    pub fn to_local(&self, v: Vec3x16) -> Vec3x16 {
+        Vec3x16 { x: v.dot(self.tangent), y: v.dot(self.bitangent), z: v.dot(self.normal) }
+    }
+
+    /// From the frames into world space.
+    #[inline(always)]
+    pub fn to_world(&self, v: Vec3x16) -> Vec3x16 {
+        (self.tangent * v.x + self.bitangent * v.y) + self.normal * v.z
+    }
+}
+
+/// Origins of rays that leave surface points; see [`crate::offset::spawn_origin`].
+#[inline(always)]
+pub fn spawn_origin(p: Vec3x16, error: Vec3x16, normal: Vec3x16, direction: Vec3x16) -> Vec3x16 {
+    let distance = normal.abs().dot(error);
+    let below = direction.dot(normal).is_less(F32x16::ZERO);
+    let offset = below.select(-normal, normal) * distance;
+    let moved = p + offset;
+    Vec3x16 {
+        x: round(moved.x, offset.x),
+        y: round(moved.y, offset.y),
+        z: round(moved.z, offset.z),
+    }
+}
+
+#[inline(always)]
+fn round(value: F32x16, offset: F32x16) -> F32x16 {
+    let still = offset.is_equal(F32x16::ZERO);
+    still.select(value, value.next(offset.is_greater(F32x16::ZERO)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::hash::Rng;
+
+    #[test]
+    fn frames_are_those_of_single_normals() {
+        let mut rng = Rng::new(4);
+        let (mut n, mut t) = (Vec3x16::ZERO, Vec3x16::ZERO);
+        for i in 0..16 {
+            n.set_lane(i, crate::warp::uniform_sphere(rng.vec2()));
+            t.set_lane(i, rng.vec3() - 0.5);
+        }
+        n.set_lane(3, -Vec3::Z);
+        t.set_lane(4, n.lane(4));
+        let (any, near) = (Frame16::from_normal(n), Frame16::from_normal_tangent(n, t));
+        for i in 0..16 {
+            let one = crate::Frame::from_normal(n.lane(i));
+            assert_eq!(any.tangent.lane(i), one.tangent);
+            assert_eq!(any.bitangent.lane(i), one.bitangent);
+            let v = t.lane(i);
+            assert_eq!(any.to_local(t).lane(i), one.to_local(v));
+            assert_eq!(any.to_world(t).lane(i), one.to_world(v));
+            let one = crate::Frame::from_normal_tangent(n.lane(i), v);
+            // Parallel tangents leave rounding.
+            if i != 4 {
+                assert!((near.tangent.lane(i) - one.tangent).length() < 1e-6);
+                assert!((near.bitangent.lane(i) - one.bitangent).length() < 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn origins_are_those_of_single_points() {
+        let mut rng = Rng::new(6);
+        let [mut p, mut e, mut n, mut d] = [Vec3x16::ZERO; 4];
+        for i in 0..16 {
+            p.set_lane(i, 10.0 * (rng.vec3() - 0.5));
+            e.set_lane(i, 1e-5 * rng.vec3());
+            let axis = if i % 4 == 0 { Vec3::Y } else { crate::warp::uniform_sphere(rng.vec2()) };
+            n.set_lane(i, axis);
+            d.set_lane(i, rng.vec3() - 0.5);
+        }
+        let origins = spawn_origin(p, e, n, d);
+        for i in 0..16 {
+            let one = crate::offset::spawn_origin(p.lane(i), e.lane(i), n.lane(i), d.lane(i));
+            assert_eq!(origins.lane(i), one);
+        }
+    }
 
     #[test]
     fn products_and_unit_vectors_are_those_of_single_vectors() {

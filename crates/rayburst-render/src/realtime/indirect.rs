@@ -7,17 +7,22 @@
 //! by one of the lobes.
 
 use rayburst_image::{Band, Band3};
-use rayburst_math::{Ray, glam::Vec3};
-use rayburst_scene::BsdfSample;
+use rayburst_math::{
+    Ray,
+    glam::Vec3,
+    lanes::{F32x16, LANES, Mask16, Vec3x16},
+};
+use rayburst_scene::{BsdfSample, wide::LobeSample16};
+use rayburst_simd::{Isa, Kernel};
 use rayon::prelude::*;
 
 use super::{
     analytic::SHARP_ROUGHNESS,
-    gbuffer::{BAND, GBuffer, PixelKind, PixelSurface, squares},
-    pass::FrameContext,
+    gbuffer::{BAND, GBuffer, PixelKind, PixelSurface, PixelSurfaces, Pixels, squares},
+    pass::{FrameContext, isa_of},
     paths::{PathRay, PathResult, Paths, density},
     quads::{Quads, asking},
-    signals::{Lobe, Signals, guarded},
+    signals::{LEAST_REFLECTANCE, Lobe, Signals, guarded},
 };
 use crate::{
     RayCounts,
@@ -63,6 +68,7 @@ impl Gathered {
 struct Work {
     paths: Paths,
     targets: Vec<(Lobe, (u32, u32))>,
+    asking: Vec<Asking>,
 }
 
 /// Lobes from this width on keep the footprint and forget the surface that they left, radians.
@@ -80,6 +86,7 @@ impl Work {
     fn clear(&mut self) {
         self.paths.clear();
         self.targets.clear();
+        self.asking.clear();
     }
 
     /// Follows all paths and gives what each brought to where it adds to.
@@ -98,26 +105,21 @@ impl Work {
         gathered
     }
 
-    /// Starts a path at a surface by one lobe; `factor` multiplies what it brings.
-    #[inline]
-    fn start(
+    /// Starts a path with a ray that leaves a first hit by one of its lobes.
+    fn begin(
         &mut self,
         frame: &FrameContext<'_>,
         gbuffer: &GBuffer,
-        surface: &PixelSurface,
-        lobe: Lobe,
-        factor: f32,
         (x, y): (u32, u32),
         target: (u32, u32),
+        lobe: Lobe,
+        (ray, sample, throughput): (Ray, BsdfSample, Vec3),
     ) {
-        let Some((ray, sample, throughput)) = first_ray(frame, surface, lobe, (x, y)) else {
-            return;
-        };
-        let (wi, throughput) = (ray.direction, factor * throughput);
-        let normal = surface.frame.normal;
+        let at = gbuffer.kind.index(x, y);
+        let (wi, normal) = (ray.direction, gbuffer.normal.at(at));
         let turn = Turn { wi, transmitted: false, normal, eta: 1.0, spread: sample.spread };
         let footprint = self.turned(frame, gbuffer, (x, y), &turn);
-        let sharp = lobe == Lobe::Glossy && gbuffer.roughness.get(x, y) < SHARP_ROUGHNESS;
+        let sharp = lobe == Lobe::Glossy && gbuffer.roughness.at(at) < SHARP_ROUGHNESS;
         self.push(frame, (x, y), ray, throughput, &sample, footprint, sharp);
         self.targets.push((lobe, target));
     }
@@ -190,29 +192,128 @@ impl Work {
     }
 }
 
-/// A ray that leaves a first hit by one of its lobes, how it was sampled, and the demodulated factor on what
-/// it brings.
-#[inline]
-fn first_ray(
-    frame: &FrameContext<'_>,
-    surface: &PixelSurface,
-    lobe: Lobe,
-    at: (u32, u32),
-) -> Option<(Ray, BsdfSample, Vec3)> {
-    let u = frame.sampler(at).get_2d(numbers(lobe));
-    let (broad, glossy) = surface.bsdf.albedos_apart(surface.wo);
-    let (sample, reflectance) = match lobe {
-        Lobe::Broad if broad != Vec3::ZERO => (surface.bsdf.sample_broad(surface.wo, u), broad),
-        Lobe::Glossy if glossy != Vec3::ZERO => (surface.bsdf.sample_glossy(surface.wo, u), glossy),
-        _ => return None,
-    };
-    let sample = sample?;
-    let throughput = sample.weight / guarded(reflectance);
-    if throughput == Vec3::ZERO || !throughput.is_finite() {
-        return None;
+/// What a lobe weighs in the choice of one: its albedo, if it is wanted.
+#[inline(always)]
+fn weight(albedo: Vec3x16, wanted: bool) -> F32x16 {
+    if wanted { (albedo.x + albedo.y) + albedo.z } else { F32x16::ZERO }
+}
+
+/// Which lobes sixteen paths start by.
+enum Choice {
+    /// All by one.
+    All(Lobe),
+    /// Each by one of its own, in proportion to the albedos of those that are wanted.
+    Each { indirect: bool, reflections: bool },
+}
+
+/// Starts of paths: pixels and where what they bring goes, sixteen at a time.
+struct Starts<'a> {
+    work: &'a mut Work,
+    frame: &'a FrameContext<'a>,
+    gbuffer: &'a GBuffer,
+    asking: &'a [Asking],
+    choice: Choice,
+}
+
+/// A pixel, and where what its path brings goes.
+type Asking = ((u32, u32), (u32, u32));
+
+impl Kernel for Starts<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<I: Isa>(mut self, _: I) {
+        for asking in self.asking.chunks(LANES) {
+            self.sixteen(asking);
+        }
     }
-    let wi = surface.frame.to_world(sample.wi).normalize();
-    Some((Ray::new(surface.place.spawn(wi), wi), sample, throughput))
+}
+
+/// The first rays of sixteen paths.
+struct FirstRays {
+    glossy: Mask16,
+    samples: LobeSample16,
+    origin: Vec3x16,
+    direction: Vec3x16,
+    /// Demodulated factors on what they bring.
+    throughput: Vec3x16,
+}
+
+impl Starts<'_> {
+    #[inline(always)]
+    fn sixteen(&mut self, asking: &[Asking]) {
+        let Self { frame, gbuffer, .. } = *self;
+        let mut at = [(0, 0); LANES];
+        for (at, asking) in at.iter_mut().zip(asking) {
+            *at = asking.0;
+        }
+        let pixels = Pixels::anywhere(&at[..asking.len()], gbuffer.size());
+        let options = &frame.shading;
+        let Some(surfaces) = gbuffer.surfaces_at(frame.scene, frame.view, options, &pixels) else {
+            return;
+        };
+        let PixelSurfaces { lobes, wo, .. } = &surfaces;
+        let samplers = frame.samplers(&pixels);
+        let (broad, glossy) = lobes.albedos_apart(wo.z);
+        let one = F32x16::ONE;
+        let (by_glossy, factor) = match self.choice {
+            Choice::All(Lobe::Broad) => (Mask16::NONE, one),
+            Choice::All(Lobe::Glossy) => (Mask16::ALL, one),
+            Choice::Each { indirect, reflections } => {
+                let (b, g) = (weight(broad, indirect), weight(glossy, reflections));
+                let p = g / (b + g);
+                let choice = samplers.get_1d(Vertex::at_depth(1).survival());
+                let by_glossy = choice.is_less(p);
+                (by_glossy, 1.0 / by_glossy.select(p, 1.0 - p))
+            }
+        };
+        let mut samples = LobeSample16::NONE;
+        if !by_glossy.all() {
+            samples = lobes.sample_broad(*wo, samplers.get_2d(numbers(Lobe::Broad)));
+        }
+        if by_glossy.any() {
+            let found = lobes.sample_glossy(*wo, samplers.get_2d(numbers(Lobe::Glossy)));
+            samples = found.or(by_glossy, samples);
+        }
+        let reflectance = by_glossy.select(glossy, broad);
+        let guarded = reflectance.max(Vec3x16::splat(Vec3::splat(LEAST_REFLECTANCE)));
+        let throughput = Vec3x16 {
+            x: samples.weight.x / guarded.x,
+            y: samples.weight.y / guarded.y,
+            z: samples.weight.z / guarded.z,
+        } * factor;
+        let fine = ((throughput.x + throughput.y) + throughput.z).is_finite();
+        let bright = throughput.max_element().is_greater(F32x16::ZERO);
+        let coloured = reflectance.max_element().is_greater(F32x16::ZERO);
+        samples.some = samples.some & surfaces.places.some & fine & bright & coloured;
+        let up = Vec3x16::splat(Vec3::Y);
+        let direction = surfaces.frame.to_world(samples.wi).normalize_or(up);
+        let origin = surfaces.places.spawn(direction);
+        let rays = FirstRays { glossy: by_glossy, samples, origin, direction, throughput };
+        self.list(asking, &rays);
+    }
+
+    #[inline(never)]
+    fn list(&mut self, asking: &[Asking], rays: &FirstRays) {
+        for (lane, &(at, target)) in asking.iter().enumerate() {
+            if !rays.samples.some.lane(lane) {
+                continue;
+            }
+            let lobe = if rays.glossy.lane(lane) { Lobe::Glossy } else { Lobe::Broad };
+            let wi = rays.direction.lane(lane);
+            let ray = Ray::new(rays.origin.lane(lane), wi);
+            let sample = BsdfSample {
+                wi,
+                weight: rays.samples.weight.lane(lane),
+                pdf: rays.samples.pdf.0[lane],
+                delta: rays.samples.delta.lane(lane),
+                transmitted: false,
+                spread: rays.samples.spread.0[lane],
+            };
+            let first = (ray, sample, rays.throughput.lane(lane));
+            self.work.begin(self.frame, self.gbuffer, at, target, lobe, first);
+        }
+    }
 }
 
 /// A reflected ray of a first hit and the demodulated factor on what it brings.
@@ -222,8 +323,15 @@ pub(crate) fn reflected_ray(
     surface: &PixelSurface,
     at: (u32, u32),
 ) -> Option<(Ray, Vec3)> {
-    let (ray, _, throughput) = first_ray(frame, surface, Lobe::Glossy, at)?;
-    Some((ray, throughput))
+    let (_, glossy) = surface.bsdf.albedos_apart(surface.wo);
+    let u = frame.sampler(at).get_2d(numbers(Lobe::Glossy));
+    let sample = surface.bsdf.sample_glossy(surface.wo, u)?;
+    let throughput = sample.weight / guarded(glossy);
+    if throughput == Vec3::ZERO || !throughput.is_finite() {
+        return None;
+    }
+    let wi = surface.frame.to_world(sample.wi).normalize();
+    Some((Ray::new(surface.place.spawn(wi), wi), throughput))
 }
 
 /// One path a block of 2×2 pixels, by one of the lobes: reflections, or diffuse bounces.
@@ -234,18 +342,21 @@ pub(crate) fn gather_quads(
     lobe: Lobe,
 ) -> Gathered {
     let columns = quads.size().0;
+    let isa = isa_of(frame.scene);
     let gathered: Vec<Gathered> = quads
         .rows()
         .into_par_iter()
         .map_init(Work::default, |work, mut rows| {
             work.clear();
+            let mut listed = std::mem::take(&mut work.asking);
             for block in rows.blocks(columns) {
                 rows.set(lobe, block, Vec3::ZERO, 0.0);
-                let Some(at) = asking(rows.chosen.get(block.0, block.1), block) else { continue };
-                let surface = gbuffer.surface_at(frame.scene, frame.view, &frame.shading, at);
-                let Some(surface) = surface else { continue };
-                work.start(frame, gbuffer, &surface, lobe, 1.0, at, block);
+                let at = asking(rows.chosen.get(block.0, block.1), block);
+                listed.extend(at.map(|at| (at, block)));
             }
+            let choice = Choice::All(lobe);
+            isa.dispatch(Starts { work, frame, gbuffer, asking: &listed, choice });
+            work.asking = listed;
             work.gather(frame, |lobe, block, result| {
                 rows.set(lobe, block, result.radiance, result.distance);
             })
@@ -310,25 +421,19 @@ pub(crate) fn gather_pixels(
         })
     })
     .collect();
+    let isa = isa_of(frame.scene);
     let gathered: Vec<Gathered> = bands
         .into_par_iter()
         .enumerate()
         .map_init(Work::default, |work, (band, mut rows)| {
             work.clear();
             let top = band as u32 * BAND;
-            for at in squares(width, top..(top + BAND).min(height)) {
-                let surface = gbuffer.surface_at(frame.scene, frame.view, &frame.shading, at);
-                let Some(surface) = surface else { continue };
-                let (broad, glossy) = surface.bsdf.albedos_apart(surface.wo);
-                let (b, g) = (
-                    if passes.indirect { broad.element_sum() } else { 0.0 },
-                    if passes.reflections { glossy.element_sum() } else { 0.0 },
-                );
-                let p = if b + g > 0.0 { g / (b + g) } else { continue };
-                let choice = frame.sampler(at).get_1d(Vertex::at_depth(1).survival());
-                let (lobe, p) = if choice < p { (Lobe::Glossy, p) } else { (Lobe::Broad, 1.0 - p) };
-                work.start(frame, gbuffer, &surface, lobe, 1.0 / p, at, at);
-            }
+            let mut listed = std::mem::take(&mut work.asking);
+            listed.extend(squares(width, top..(top + BAND).min(height)).map(|at| (at, at)));
+            let (indirect, reflections) = (passes.indirect, passes.reflections);
+            let choice = Choice::Each { indirect, reflections };
+            isa.dispatch(Starts { work, frame, gbuffer, asking: &listed, choice });
+            work.asking = listed;
             work.gather(frame, |lobe, (x, y), result| {
                 let (light, distances) = match lobe {
                     Lobe::Broad => (&mut rows.diffuse, &mut rows.diffuse_distance),

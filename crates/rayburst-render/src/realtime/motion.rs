@@ -4,8 +4,9 @@
 //! the camera, an instance, a skin, a morph.
 
 use rayburst_math::{
-    Hit, Ray,
-    glam::{Vec2, Vec3},
+    Hit,
+    glam::Vec3,
+    lanes::{F32x16, LANES, Mask16, Vec2x16, Vec3x16},
 };
 use rayburst_scene::FlatScene;
 
@@ -30,35 +31,60 @@ impl<'a> Motion<'a> {
         Self { view, before: before.filter(|(_, other)| is_same_scene(scene, other)) }
     }
 
-    /// Of a point that a hit names: before minus now, pixels; zero where it was behind the eye.
-    #[inline]
-    pub fn of_hit(&self, scene: &FlatScene, hit: &Hit, position: Vec3) -> Vec2 {
-        let Some((view, other)) = self.before else { return Vec2::ZERO };
+    /// Of sixteen points that hits name: where they were before minus where they are now, pixels, and how
+    /// much deeper they were, world units; zero where one was behind the eye.
+    #[inline(always)]
+    pub(crate) fn of_hits(
+        &self,
+        scene: &FlatScene,
+        hits: &[Hit; LANES],
+        position: Vec3x16,
+    ) -> (Vec2x16, F32x16) {
+        let Some((view, other)) = self.before else { return (Vec2x16::ZERO, F32x16::ZERO) };
+        let mut before = position;
+        if !std::ptr::eq(scene, other) {
+            where_before(scene, other, hits, &mut before);
+        }
+        self.between(&view, before, position)
+    }
+
+    /// Of what lies infinitely far in sixteen directions.
+    #[inline(always)]
+    pub(crate) fn of_sky(&self, directions: Vec3x16) -> Vec2x16 {
+        let Some((view, _)) = self.before else { return Vec2x16::ZERO };
+        let far = |view: &FrameView| Vec3x16::splat(view.camera().eye()) + directions;
+        self.between(&view, far(&view), far(&self.view)).0
+    }
+
+    #[inline(always)]
+    fn between(&self, view: &FrameView, before: Vec3x16, now: Vec3x16) -> (Vec2x16, F32x16) {
+        let (pixel_before, depth_before, seen_before) = view.project16(before);
+        let (pixel, depth, seen) = self.view.project16(now);
+        let both: Mask16 = seen_before & seen;
+        let moved = both.select(pixel_before - pixel, Vec2x16::ZERO);
+        (moved, both.select(depth_before - depth, F32x16::ZERO))
+    }
+}
+
+/// Replaces the positions of what has moved since by what they were.
+#[inline(never)]
+fn where_before(
+    scene: &FlatScene,
+    other: &FlatScene,
+    hits: &[Hit; LANES],
+    positions: &mut Vec3x16,
+) {
+    for (lane, hit) in hits.iter().enumerate() {
         let (instance, geometry) = scene.records(hit);
         let (old_instance, old_geometry) = other.records(hit);
         let still = instance.object_to_world == old_instance.object_to_world
             && std::sync::Arc::ptr_eq(&geometry.primitive, &old_geometry.primitive)
             && geometry.transform == old_geometry.transform;
-        let before = if still {
-            position
-        } else {
+        if !still {
             let [a, b, c] = other.world_triangle(hit.instance, hit.geometry, hit.primitive).points;
-            (1.0 - hit.u - hit.v) * a + hit.u * b + hit.v * c
-        };
-        self.between(view.project(before), self.view.project(position))
-    }
-
-    /// Of what lies infinitely far in a ray's direction.
-    #[inline]
-    pub fn of_sky(&self, ray: &Ray) -> Vec2 {
-        let Some((view, _)) = self.before else { return Vec2::ZERO };
-        let far = |view: &FrameView| view.project(view.camera().eye() + ray.direction);
-        self.between(far(&view), far(&self.view))
-    }
-
-    #[inline]
-    fn between(&self, before: Option<Vec2>, now: Option<Vec2>) -> Vec2 {
-        before.zip(now).map_or(Vec2::ZERO, |(before, now)| before - now)
+            let before: Vec3 = (1.0 - hit.u - hit.v) * a + hit.u * b + hit.v * c;
+            positions.set_lane(lane, before);
+        }
     }
 }
 

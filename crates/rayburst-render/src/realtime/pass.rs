@@ -1,10 +1,14 @@
 //! What the passes of a frame share.
 
-use rayburst_math::{Sampler, hash};
+use rayburst_math::{
+    Sampler, hash,
+    lanes::{LANES, Sampler16},
+};
 use rayburst_scene::{FlatScene, ShadingOptions};
+use rayburst_simd::IsaLevel;
 
 use super::{
-    gbuffer::BAND,
+    gbuffer::{BAND, Pixels},
     lights::{FrameLights, TileLights},
     settings::FrameSettings,
     view::FrameView,
@@ -39,6 +43,20 @@ impl FrameContext<'_> {
         Sampler::at(settings.sampler, settings.seed, at, self.view.size().0, self.number)
     }
 
+    /// The random numbers of sixteen pixels.
+    #[inline(always)]
+    pub(crate) fn samplers(&self, pixels: &Pixels) -> Sampler16 {
+        let settings = self.settings;
+        let (mut x, mut y) = (pixels.x, pixels.y);
+        if settings.interleave > 1 {
+            for lane in 0..LANES {
+                (x[lane], y[lane]) = (x[lane] % settings.interleave, y[lane] % settings.interleave);
+            }
+        }
+        let (kind, seed) = (settings.sampler, settings.seed);
+        Sampler16::at(kind, seed, x, y, self.view.size().0, self.number)
+    }
+
     /// The number of the square that a pixel is in.
     #[inline]
     pub(crate) fn tile(&self, (x, y): (u32, u32)) -> u32 {
@@ -68,4 +86,9 @@ impl FrameContext<'_> {
 #[inline]
 pub(crate) fn pixel_key(seed: u32, (x, y): (u32, u32), frame: u32) -> u32 {
     hash::words(&[seed, x, y, frame])
+}
+
+/// The instruction set that a scene is traced with.
+pub(crate) fn isa_of(scene: &FlatScene) -> IsaLevel {
+    scene.tlas.blases().first().map_or_else(IsaLevel::detect, |blas| blas.isa())
 }

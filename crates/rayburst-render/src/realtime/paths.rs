@@ -3,11 +3,20 @@
 //! The estimator is that of the path tracer from its second vertex on; how the first ray was chosen, and
 //! what its light is divided by, the passes decide that start paths.
 
-use rayburst_math::{Hit, Ray, Sampler, glam::Vec3};
-use rayburst_scene::BsdfSample;
+use rayburst_math::{
+    Hit, Ray, Sampler,
+    glam::{Vec2, Vec3},
+    lanes::{F32x16, Frame16, LANES, Mask16, Sampler16, Vec3x16, spawn_origin as spawn_origin16},
+};
+use rayburst_scene::{
+    BsdfSample, ShadingModel,
+    wide::{Footprint16, Lobes16, ShadingPoint16, Surface16},
+};
+use rayburst_simd::{Isa, Kernel};
 
 use super::{
-    pass::FrameContext,
+    gbuffer::refraction,
+    pass::{FrameContext, isa_of},
     shadows::{ShadowRays, closest_hits},
 };
 use crate::{
@@ -95,9 +104,7 @@ impl Paths {
             self.keys.clear();
             self.keys.extend(self.states.iter().map(|state| ray_key(state.key, depth)));
             closest_hits(frame.scene, frame.opaque, &self.rays, &self.keys, &mut self.hits);
-            for i in 0..self.rays.len() {
-                self.vertex(frame, depth, i);
-            }
+            isa_of(frame.scene).dispatch(Vertices { paths: self, frame, depth });
             let results = &mut self.results;
             counts.shadow += self.shadows.resolve(
                 frame.scene,
@@ -118,52 +125,67 @@ impl Paths {
         counts
     }
 
-    #[inline]
-    fn vertex(&mut self, frame: &FrameContext<'_>, depth: u32, i: usize) {
+    /// What comes along a ray that leaves the scene.
+    fn miss(&mut self, frame: &FrameContext<'_>, depth: u32, i: usize) {
         let &FrameContext { scene, lights, settings, .. } = frame;
-        let (ray, hit, path) = (&self.rays[i], &self.hits[i], &self.states[i]);
+        let (ray, path) = (&self.rays[i], &self.states[i]);
         let result = &mut self.results[path.slot as usize];
         // What else could have found what is here: what the first hit asked for, or a later one.
         let sampler = if depth == 2 { &lights.primary } else { &lights.all };
-        let both = LightSampling::Both;
-        if !hit.is_hit() {
-            let radiance = lights.all.environment_radiance(scene, ray.direction);
-            if radiance != Vec3::ZERO {
-                let alone = depth == 2 && !settings.passes.direct;
-                let weight = if alone {
-                    1.0
-                } else {
-                    estimator::found_weight(both, path.pdf, || {
-                        sampler.environment_pdf(scene, ray.direction)
-                    })
-                };
-                result.radiance += path.throughput * radiance * weight;
-            }
-            if path.specular {
-                result.radiance += path.throughput * lights.all.sun_radiance(scene, ray.direction);
-            }
-            return;
-        }
-        if depth == 2 {
-            result.distance = hit.t;
-        }
-        let surface = scene.surface(hit);
-        let wo = -ray.direction;
-        let seen = path.footprint.at(ray, hit, &surface);
-        let point = scene.shading_point(&surface, wo, seen, &frame.path_shading);
-        let triangle = [hit.instance, hit.geometry, hit.primitive];
-        let closed_form = depth == 2 && frame.is_analytic(path.tile, triangle);
-        if point.emitted != Vec3::ZERO && (!closed_form || path.sharp) {
-            let alone = closed_form || (depth == 2 && !settings.passes.direct);
+        let (radiance, density) = sampler.environment_found(scene, ray.direction);
+        if radiance != Vec3::ZERO {
+            let alone = depth == 2 && !settings.passes.direct;
             let weight = if alone {
                 1.0
             } else {
-                estimator::found_weight(both, path.pdf, || {
-                    sampler.emitter_pdf(scene, hit, ray.origin, ray.direction)
-                })
+                estimator::found_weight(LightSampling::Both, path.pdf, || density)
             };
-            result.radiance += path.throughput * point.emitted * weight;
+            result.radiance += path.throughput * radiance * weight;
         }
+        if path.specular {
+            result.radiance += path.throughput * lights.all.sun_radiance(scene, ray.direction);
+        }
+    }
+
+    /// Adds what shines at a hit.
+    fn emission(&mut self, frame: &FrameContext<'_>, depth: u32, i: usize, emitted: Vec3) {
+        let &FrameContext { scene, lights, settings, .. } = frame;
+        let (ray, hit, path) = (&self.rays[i], &self.hits[i], &self.states[i]);
+        let triangle = [hit.instance, hit.geometry, hit.primitive];
+        let closed_form = depth == 2 && frame.is_analytic(path.tile, triangle);
+        if emitted == Vec3::ZERO || (closed_form && !path.sharp) {
+            return;
+        }
+        let sampler = if depth == 2 { &lights.primary } else { &lights.all };
+        let alone = closed_form || (depth == 2 && !settings.passes.direct);
+        let weight = if alone {
+            1.0
+        } else {
+            estimator::found_weight(LightSampling::Both, path.pdf, || {
+                sampler.emitter_pdf(scene, hit, ray.origin, ray.direction)
+            })
+        };
+        self.results[path.slot as usize].radiance += path.throughput * emitted * weight;
+    }
+
+    /// A hit: what shines there, what its lights bring, and where the path goes on.
+    fn vertex(&mut self, frame: &FrameContext<'_>, depth: u32, i: usize) {
+        let &FrameContext { scene, lights, settings, .. } = frame;
+        let (surface, point, wo) = {
+            let (ray, hit, path) = (&self.rays[i], &self.hits[i], &self.states[i]);
+            let surface = scene.surface(hit);
+            let wo = -ray.direction;
+            let seen = path.footprint.at(ray, hit, &surface);
+            let point = scene.shading_point(&surface, wo, seen, &frame.path_shading);
+            (surface, point, wo)
+        };
+        self.emission(frame, depth, i, point.emitted);
+        let (ray, hit, path) = (&self.rays[i], &self.hits[i], &self.states[i]);
+        let result = &mut self.results[path.slot as usize];
+        if depth == 2 {
+            result.distance = hit.t;
+        }
+        let both = LightSampling::Both;
         if depth >= settings.max_depth {
             return;
         }
@@ -215,6 +237,266 @@ impl Paths {
         self.next_rays.push(Ray::new(surface.spawn(sample.wi), sample.wi));
         self.next_states.push(state);
     }
+}
+
+/// The ends of the rays of one depth, sixteen at a time.
+struct Vertices<'a> {
+    paths: &'a mut Paths,
+    frame: &'a FrameContext<'a>,
+    depth: u32,
+}
+
+impl Kernel for Vertices<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<I: Isa>(self, _: I) {
+        let Self { paths, frame, depth } = self;
+        for first in (0..paths.rays.len()).step_by(LANES) {
+            paths.sixteen(frame, depth, first);
+        }
+    }
+}
+
+/// Rays and what they carry, where they hit something.
+struct Arrivals {
+    /// Those that hit what is shaded in vectors; hits of other lanes are copies.
+    some: Mask16,
+    hits: [Hit; LANES],
+    direction: Vec3x16,
+    throughput: Vec3x16,
+    footprint: Footprint16,
+    samplers: Sampler16,
+}
+
+/// One light for each of sixteen points.
+struct Lights {
+    some: Mask16,
+    direction: Vec3x16,
+    distance: F32x16,
+    /// Radiance over density.
+    radiance: Vec3x16,
+}
+
+impl Paths {
+    /// What is at the ends of sixteen rays. In vectors if paths end there: nothing but their lights is asked
+    /// for.
+    #[inline(always)]
+    fn sixteen(&mut self, frame: &FrameContext<'_>, depth: u32, first: usize) {
+        let Some(arrivals) = self.arrivals(frame, depth, first) else { return };
+        let surface = frame.scene.surface16(&arrivals.hits);
+        let wo = -arrivals.direction;
+        let footprint = self.footprints(&arrivals, &surface, first);
+        let point = frame.scene.shading_point16(&surface, wo, &footprint, &frame.path_shading);
+        let mut ior = F32x16::ONE;
+        let mut materials = surface.material;
+        for lane in 0..LANES {
+            materials[lane] += 1;
+        }
+        refraction(frame.scene, &materials, &mut ior);
+        let frame16 = Frame16::from_normal(point.normal);
+        let lobes = Lobes16::new(
+            point.base_color,
+            point.metallic,
+            point.roughness,
+            ior,
+            frame.path_shading.energy_compensation,
+            frame16.to_local(point.geometric_normal),
+        );
+        let some = self.ends(frame, depth, first, &arrivals, &lobes.is_smooth(), &point);
+        if !some.any() {
+            return;
+        }
+        let wo = frame16.to_local(wo);
+        let (broad, glossy) = lobes.albedos_apart(wo.z);
+        let tail = arrivals.throughput * (broad + glossy);
+        let lights = lights_of(frame, depth, &arrivals.samplers, &surface.position, some);
+        let values = lobes.evaluate_apart(wo, frame16.to_local(lights.direction));
+        let f = values.broad + values.glossy;
+        let radiance = arrivals.throughput * f * lights.radiance;
+        let fine = ((radiance.x + radiance.y) + radiance.z).is_finite();
+        let lit = radiance.max_element().is_greater(F32x16::ZERO);
+        let asked = lights.some & fine & lit;
+        let origin = spawn_origin16(
+            surface.position,
+            surface.error,
+            surface.geometric_normal,
+            lights.direction,
+        );
+        self.ask(depth, first, some, asked, &origin, &lights, &radiance, &tail);
+    }
+
+    /// Looks at sixteen rays: those that leave the scene are done with, those whose hits are not for vectors,
+    /// too. `None` if none are left.
+    #[inline(never)]
+    fn arrivals(&mut self, frame: &FrameContext<'_>, depth: u32, first: usize) -> Option<Arrivals> {
+        let count = LANES.min(self.rays.len() - first);
+        let ends = depth + 1 == frame.settings.max_depth;
+        let mut some = Mask16::NONE;
+        let mut any = None;
+        for lane in 0..count {
+            let i = first + lane;
+            let hit = self.hits[i];
+            if !hit.is_hit() {
+                self.miss(frame, depth, i);
+                continue;
+            }
+            let material = frame.scene.records(&hit).1.material;
+            let model = frame.scene.materials[material as usize].model();
+            if ends && model == ShadingModel::MetallicRoughness {
+                some.set_lane(lane, true);
+                any = any.or(Some(i));
+            } else {
+                self.vertex(frame, depth, i);
+            }
+        }
+        let any = any?;
+        let mut arrivals = Arrivals {
+            some,
+            hits: [self.hits[any]; LANES],
+            direction: Vec3x16::ZERO,
+            throughput: Vec3x16::ZERO,
+            footprint: Footprint16::None,
+            samplers: Sampler16::of(&[self.states[any].sampler; LANES]),
+        };
+        let mut samplers = [self.states[any].sampler; LANES];
+        let mut widths = F32x16::ZERO;
+        for lane in 0..LANES {
+            let i = if some.lane(lane) { first + lane } else { any };
+            let (ray, path) = (&self.rays[i], &self.states[i]);
+            arrivals.hits[lane] = self.hits[i];
+            arrivals.direction.set_lane(lane, ray.direction);
+            arrivals.throughput.set_lane(lane, path.throughput);
+            samplers[lane] = path.sampler;
+            if let RayFootprint::Cone(cone) = &path.footprint {
+                widths.0[lane] = cone.width_at(self.hits[i].t);
+                arrivals.footprint = Footprint16::Cone(widths);
+            }
+        }
+        arrivals.samplers = Sampler16::of(&samplers);
+        Some(arrivals)
+    }
+
+    /// Cones, or what differentials are on the surfaces.
+    #[inline(always)]
+    fn footprints(&self, arrivals: &Arrivals, surface: &Surface16, first: usize) -> Footprint16 {
+        match &arrivals.footprint {
+            Footprint16::None => self.differentials(arrivals, surface, first),
+            found => found.clone(),
+        }
+    }
+
+    #[inline(never)]
+    fn differentials(&self, arrivals: &Arrivals, surface: &Surface16, first: usize) -> Footprint16 {
+        let mut axes = None;
+        for lane in arrivals.some.lanes() {
+            let (ray, path) = (&self.rays[first + lane], &self.states[first + lane]);
+            if let RayFootprint::Differential(differential) = &path.footprint {
+                let t = arrivals.hits[lane].t;
+                let normal = surface.geometric_normal.lane(lane);
+                let at_hit = differential.transfer(ray.direction, t, normal);
+                let axes = axes.get_or_insert([Vec3x16::ZERO; 2]);
+                axes[0].set_lane(lane, at_hit.origin_dx);
+                axes[1].set_lane(lane, at_hit.origin_dy);
+            }
+        }
+        axes.map_or(Footprint16::None, Footprint16::Axes)
+    }
+
+    /// Adds what shines, and sends perfect mirrors on; what is left are the ends of paths.
+    #[inline(never)]
+    fn ends(
+        &mut self,
+        frame: &FrameContext<'_>,
+        depth: u32,
+        first: usize,
+        arrivals: &Arrivals,
+        smooth: &Mask16,
+        point: &ShadingPoint16,
+    ) -> Mask16 {
+        let mut some = arrivals.some;
+        for lane in arrivals.some.lanes() {
+            if smooth.lane(lane) {
+                some.set_lane(lane, false);
+                self.vertex(frame, depth, first + lane);
+            } else {
+                self.emission(frame, depth, first + lane, point.emitted.lane(lane));
+            }
+        }
+        some
+    }
+
+    /// Lists shadow rays, and notes what longer paths would have brought.
+    #[inline(never)]
+    fn ask(
+        &mut self,
+        depth: u32,
+        first: usize,
+        some: Mask16,
+        asked: Mask16,
+        origin: &Vec3x16,
+        lights: &Lights,
+        radiance: &Vec3x16,
+        tail: &Vec3x16,
+    ) {
+        for lane in some.lanes() {
+            let path = &self.states[first + lane];
+            let result = &mut self.results[path.slot as usize];
+            result.tail += tail.lane(lane);
+            if depth == 2 {
+                result.distance = self.hits[first + lane].t;
+            }
+            if asked.lane(lane) {
+                let (direction, distance) = (lights.direction.lane(lane), lights.distance.0[lane]);
+                let ray = Ray::with_interval(origin.lane(lane), direction, 0.0, distance);
+                let key = shadow_key(path.key, depth);
+                self.shadows.push(ray, key, (radiance.lane(lane), path.slot));
+            }
+        }
+    }
+}
+
+/// One of all lights for each of sixteen points.
+#[inline(always)]
+fn lights_of(
+    frame: &FrameContext<'_>,
+    depth: u32,
+    samplers: &Sampler16,
+    position: &Vec3x16,
+    some: Mask16,
+) -> Lights {
+    let numbers = Vertex::at_depth(depth);
+    let choice = samplers.get_1d(numbers.light_choice());
+    let (u, v) =
+        (samplers.get_1d(numbers.light_point()), samplers.get_1d(numbers.light_point() + 1));
+    one_by_one(frame, position, some, &choice, [&u, &v])
+}
+
+#[inline(never)]
+fn one_by_one(
+    frame: &FrameContext<'_>,
+    position: &Vec3x16,
+    some: Mask16,
+    choice: &F32x16,
+    [u, v]: [&F32x16; 2],
+) -> Lights {
+    let mut lights = Lights {
+        some: Mask16::NONE,
+        direction: Vec3x16::splat(Vec3::Z),
+        distance: F32x16::ZERO,
+        radiance: Vec3x16::ZERO,
+    };
+    for lane in some.lanes() {
+        let at = Vec2::new(u.0[lane], v.0[lane]);
+        let (from, choice) = (position.lane(lane), choice.0[lane]);
+        if let Some(light) = frame.lights.all.sample_from(frame.scene, from, choice, at) {
+            lights.some.set_lane(lane, true);
+            lights.direction.set_lane(lane, light.direction);
+            lights.distance.0[lane] = light.distance;
+            lights.radiance.set_lane(lane, light.radiance / light.pdf);
+        }
+    }
+    lights
 }
 
 /// The density of a sample's direction as [`PathRay::pdf`] has it.

@@ -5,7 +5,6 @@ use std::{sync::Arc, time::Instant};
 use rayburst_image::Plane3;
 use rayburst_math::glam::{Vec2, Vec3};
 use rayburst_scene::{Camera, FlatScene};
-use rayburst_simd::IsaLevel;
 
 use super::{
     analytic::analytic_light,
@@ -17,7 +16,7 @@ use super::{
     lights::{FrameLights, TileLights},
     motion::Motion,
     occlusion::ambient_occlusion,
-    pass::{FrameContext, pixel_key},
+    pass::{FrameContext, isa_of, pixel_key},
     quads::{Found, Quads},
     screen_pass::{self, ScreenWork},
     settings::{FrameMode, FrameSettings, Technique},
@@ -246,7 +245,7 @@ impl FrameRenderer {
                 this.keys.extend(pixels.map(key));
             }
             let Self { raster, keys, gbuffer: GBuffer { hits, .. }, .. } = this;
-            let raster = raster.get_or_insert_with(|| new_raster(context.scene));
+            let raster = raster.get_or_insert_with(|| PrimaryRaster::new(isa_of(context.scene)));
             match technique {
                 Technique::Rays => {
                     trace_primary(context.scene, context.view, keys, hits);
@@ -268,7 +267,7 @@ impl FrameRenderer {
         let by_maps = any && technique == Technique::Raster;
         self.timed("direct", any.then_some(technique), |this| {
             let Self { raster, gbuffer, signals, maps, .. } = this;
-            let raster = raster.get_or_insert_with(|| new_raster(context.scene));
+            let raster = raster.get_or_insert_with(|| PrimaryRaster::new(isa_of(context.scene)));
             if by_maps {
                 maps.resize_with(exact.len(), ShadowMaps::default);
                 for (maps, light) in maps.iter_mut().zip(exact) {
@@ -349,12 +348,6 @@ struct Choosers {
     shadows: Chooser,
     reflections: Chooser,
     occlusion: Chooser,
-}
-
-/// A rasteriser with the instruction set that the scene is traced with.
-fn new_raster(scene: &FlatScene) -> PrimaryRaster {
-    let isa = scene.tlas.blases().first().map_or_else(IsaLevel::detect, |blas| blas.isa());
-    PrimaryRaster::new(isa)
 }
 
 /// Of a scene's bounds; 1 if it is empty.

@@ -3,6 +3,7 @@
 use rayburst_math::{
     Ray, RayCone,
     glam::{Vec2, Vec3},
+    lanes::{F32x16, LANES, Mask16, Vec2x16, Vec3x16},
 };
 use rayburst_raster as raster;
 use rayburst_scene::{Camera, Projection, TextureLod};
@@ -127,6 +128,35 @@ impl FrameView {
         directions
     }
 
+    /// The directions of the rays through sixteen pixels, by columns and rows; with the bits of
+    /// [`FrameView::ray`].
+    #[inline(always)]
+    pub(crate) fn directions_at(&self, x: &[u32; LANES], y: &[u32; LANES]) -> Vec3x16 {
+        let [r, u, v] = self.frame;
+        if let Projection::Orthographic { .. } = self.camera.projection {
+            return Vec3x16::splat(v);
+        }
+        let (mut px, mut py) = (F32x16::ZERO, F32x16::ZERO);
+        for i in 0..LANES {
+            px.0[i] = x[i] as i32 as f32;
+            py.0[i] = y[i] as i32 as f32;
+        }
+        let of = |p: F32x16, jitter: f32, extent: f32, half: f32| {
+            (2.0 * ((p + 0.5) + jitter) / F32x16::splat(extent) - 1.0) * half
+        };
+        let px = of(px, self.jitter.x, self.extent.x, self.half.x);
+        let py = of(py, self.jitter.y, self.extent.y, self.half.y);
+        let across = Vec3x16::splat(r) * px;
+        let s = (across - Vec3x16::splat(u) * py) + Vec3x16::splat(v);
+        s * (1.0 / s.length())
+    }
+
+    /// Whether all rays begin at the eye.
+    #[inline(always)]
+    pub(crate) fn is_perspective(&self) -> bool {
+        matches!(self.camera.projection, Projection::Perspective { .. })
+    }
+
     /// Where the ray of a pixel begins.
     #[inline(always)]
     pub(crate) fn origin(&self, x: u32, y: u32) -> Vec3 {
@@ -153,10 +183,47 @@ impl FrameView {
         (world - self.camera.eye()).dot(self.frame[2])
     }
 
+    /// [`FrameView::depth`] of sixteen points.
+    #[inline(always)]
+    pub(crate) fn depth16(&self, world: Vec3x16) -> F32x16 {
+        (world - Vec3x16::splat(self.camera.eye())).dot(Vec3x16::splat(self.frame[2]))
+    }
+
     /// Where the picture shows a point, in pixels, without the jitter; `None` behind the eye.
     #[inline]
     pub fn project(&self, world: Vec3) -> Option<Vec2> {
         self.camera.project(world, self.size).map(|(pixel, _)| pixel)
+    }
+
+    /// [`FrameView::project`] of sixteen points, how deep they are along the viewing direction, and which
+    /// are not behind the eye.
+    #[inline(always)]
+    pub(crate) fn project16(&self, world: Vec3x16) -> (Vec2x16, F32x16, Mask16) {
+        let [r, u, v] = self.frame;
+        let to = world - Vec3x16::splat(self.camera.eye());
+        let depth = to.dot(Vec3x16::splat(v));
+        let (scale, seen) = match self.camera.projection {
+            Projection::Perspective { .. } => (depth, depth.is_greater(F32x16::ZERO)),
+            Projection::Orthographic { .. } => (F32x16::ONE, Mask16::ALL),
+        };
+        let right = to.dot(Vec3x16::splat(r)) / (scale * self.half.x);
+        let down = -to.dot(Vec3x16::splat(u)) / (scale * self.half.y);
+        let pixel = Vec2x16 {
+            x: 0.5 * (right + 1.0) * self.extent.x,
+            y: 0.5 * (down + 1.0) * self.extent.y,
+        };
+        (pixel, depth, seen)
+    }
+
+    /// The diameters of the cones of pixels' rays at the distances `t`; see [`FrameView::cone`].
+    #[inline(always)]
+    pub(crate) fn cone_width16(&self, directions: Vec3x16, t: F32x16) -> F32x16 {
+        let mut spread = F32x16::splat(self.cone.spread);
+        if let Projection::Perspective { .. } = self.camera.projection {
+            let cosine = directions.dot(Vec3x16::splat(self.frame[2]));
+            spread = spread * cosine * cosine.sqrt();
+        }
+        (spread * t + self.cone.width).abs()
     }
 }
 
@@ -187,6 +254,8 @@ mod tests {
                     assert_eq!(view.origin(x, y), ray.origin);
                     let directions = view.directions::<2>(x, y);
                     assert_eq!(Vec3::from(directions.map(|axis| axis[0])), ray.direction);
+                    let directions = view.directions_at(&[x; LANES], &[y; LANES]);
+                    assert_eq!(directions.lane(5), ray.direction);
                     let ours = view.cone(ray.direction);
                     assert_eq!(ours.width, cone.width);
                     assert!((ours.spread - cone.spread).abs() <= 1e-5 * cone.spread);

@@ -19,7 +19,7 @@ use rayburst_scene::{AlphaFilter, FlatScene, Primitive};
 use rayburst_simd::{Isa, Kernel, Meetings, Pairs, meet_each};
 use rayon::prelude::*;
 
-use super::view::FrameView;
+use super::{pass::isa_of, view::FrameView};
 
 /// Pixels along a side of the squares in which rays are traced.
 const SQUARE: u32 = 8;
@@ -222,7 +222,8 @@ impl Coverage for TexelAlpha<'_> {
 pub fn trace_primary(scene: &FlatScene, view: &FrameView, keys: &[u32], hits: &mut Vec<Hit>) {
     let size = view.size();
     let opaque = scene.is_opaque();
-    let all_keys = padded(keys, size);
+    let all_keys = if opaque { (&[]).into() } else { padded(keys, size) };
+    let isa = isa_of(scene);
     let (width, height) = size;
     hits.clear();
     hits.resize(width as usize * height as usize, Hit::MISS);
@@ -241,12 +242,18 @@ pub fn trace_primary(scene: &FlatScene, view: &FrameView, keys: &[u32], hits: &m
                 pixels.clear();
                 for left in (first..width.min(first + SQUARE * SQUARES)).step_by(SQUARE as usize) {
                     for y in 0..rows {
-                        for x in left..width.min(left + SQUARE) {
-                            rays.push(view.ray(x, top + y));
-                            keys.push(all_keys[((top + y) * width + x) as usize]);
-                            pixels.push(y * width + x);
-                        }
+                        let columns = left..width.min(left + SQUARE);
+                        isa.dispatch(RowOfRays {
+                            view,
+                            columns: columns.clone(),
+                            y: top + y,
+                            rays,
+                        });
+                        pixels.extend(columns.map(|x| y * width + x));
                     }
+                }
+                if !opaque {
+                    keys.extend(pixels.iter().map(|&at| all_keys[(top * width + at) as usize]));
                 }
                 found.clear();
                 found.resize(rays.len(), Hit::MISS);
@@ -257,6 +264,31 @@ pub fn trace_primary(scene: &FlatScene, view: &FrameView, keys: &[u32], hits: &m
             }
         },
     );
+}
+
+/// Lists the rays through a square's row of pixels.
+struct RowOfRays<'a> {
+    view: &'a FrameView,
+    columns: std::ops::Range<u32>,
+    y: u32,
+    rays: &'a mut Vec<Ray>,
+}
+
+impl Kernel for RowOfRays<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<I: Isa>(self, _: I) {
+        let Self { view, columns, y, rays } = self;
+        let [dx, dy, dz] = view.directions::<{ SQUARE as usize }>(columns.start, y);
+        let eye = view.origin(columns.start, y);
+        let still = view.is_perspective();
+        for lane in 0..columns.len() {
+            let direction = Vec3::new(dx[lane], dy[lane], dz[lane]);
+            let origin = if still { eye } else { view.origin(columns.start + lane as u32, y) };
+            rays.push(Ray::new(origin, direction));
+        }
+    }
 }
 
 /// As many keys as there are pixels.

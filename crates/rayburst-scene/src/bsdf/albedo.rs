@@ -15,12 +15,17 @@ use std::{
 };
 
 use glam::{Vec2, Vec3};
-use rayburst_math::distribution::Distribution1d;
+use rayburst_math::{
+    distribution::Distribution1d,
+    lanes::{F32x16, LANES},
+};
 
 use super::{fresnel::schlick_weight, ggx};
 
-const COSINES: usize = 64;
-const ROUGHNESSES: usize = 64;
+/// Entries of the tables along each axis.
+pub(crate) const SIDE: usize = 64;
+const COSINES: usize = SIDE;
+const ROUGHNESSES: usize = SIDE;
 /// Points of the lattice rule and its generator: Fibonacci numbers.
 const LATTICE: (u32, u32) = (987, 610);
 
@@ -85,6 +90,40 @@ pub fn average(alpha: f32) -> Albedo {
     }
     let (row, t) = cell(alpha.sqrt(), ROUGHNESSES);
     TABLE.average[row].lerp(TABLE.average[row + 1], t)
+}
+
+/// The entries that sixteen lookups of [`directional`] are interpolated from: two rows of two columns, `a` and
+/// `b` of each. Rows and columns are at most `SIDE − 2`.
+#[inline(never)]
+pub(crate) fn gather_directional(
+    rows: &[i32; LANES],
+    columns: &[i32; LANES],
+    corners: &mut [F32x16; 8],
+) {
+    let table = &TABLE.directional;
+    for lane in 0..LANES {
+        let (row, column) = (rows[lane] as usize, columns[lane] as usize);
+        for (i, row) in table[row..row + 2].iter().enumerate() {
+            for (j, albedo) in row[column..column + 2].iter().enumerate() {
+                corners[4 * i + 2 * j].0[lane] = albedo.a;
+                corners[4 * i + 2 * j + 1].0[lane] = albedo.b;
+            }
+        }
+    }
+}
+
+/// The entries that sixteen lookups of [`average`] are interpolated from: `a` and `b` of two. Rows are at most
+/// `SIDE − 2`.
+#[inline(never)]
+pub(crate) fn gather_average(rows: &[i32; LANES], ends: &mut [F32x16; 4]) {
+    let table = &TABLE.average;
+    for lane in 0..LANES {
+        let row = rows[lane] as usize;
+        for (i, albedo) in table[row..row + 2].iter().enumerate() {
+            ends[2 * i].0[lane] = albedo.a;
+            ends[2 * i + 1].0[lane] = albedo.b;
+        }
+    }
 }
 
 /// A direction roughly in proportion to the light that is lost there, `lost()·cos θ`.

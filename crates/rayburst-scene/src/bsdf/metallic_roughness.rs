@@ -26,7 +26,7 @@ pub const SMOOTH_ALPHA: f32 = 1e-3;
 
 /// Opening angle that a diffuse bounce adds to a ray cone, radians. Footprints after it may be wide:
 /// one path stands for many directions.
-pub(super) const DIFFUSE_SPREAD: f32 = 0.5;
+pub(crate) const DIFFUSE_SPREAD: f32 = 0.5;
 
 /// The lobes of one point, with what does not depend on directions worked out.
 #[derive(Clone, Copy, Debug)]

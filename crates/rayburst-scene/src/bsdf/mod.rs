@@ -19,8 +19,8 @@ use glam::{Vec2, Vec3};
 pub use metallic_roughness::SMOOTH_ALPHA;
 pub use specular::SpecularPath;
 
-pub(crate) use metallic_roughness::AreaTerms;
 use metallic_roughness::Lobes;
+pub(crate) use metallic_roughness::{AreaTerms, DIFFUSE_SPREAD};
 
 /// The scattering at one point of a surface.
 #[derive(Clone, Copy, Debug)]

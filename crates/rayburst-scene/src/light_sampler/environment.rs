@@ -25,7 +25,12 @@ impl EnvironmentMap {
     /// Radiance from a unit direction, interpolated, cd/m².
     #[inline]
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
-        let uv = self.uv_of(direction);
+        self.radiance_at(self.uv_of(direction))
+    }
+
+    /// Radiance from the direction of a point of the picture, interpolated, cd/m².
+    #[inline]
+    pub(super) fn radiance_at(&self, uv: Vec2) -> Vec3 {
         let (width, height) = (self.size.0 as i32, self.size.1 as i32);
         let x = uv.x * width as f32 - 0.5;
         let y = uv.y * height as f32 - 0.5;
@@ -89,16 +94,31 @@ impl EnvironmentSampler {
         }
     }
 
-    /// A direction and its density per solid angle.
-    pub(super) fn sample(&self, environment: &Environment, u: Vec2) -> Option<(Vec3, f32)> {
+    /// A direction, its density per solid angle, and the radiance from there.
+    pub(super) fn sample(&self, environment: &Environment, u: Vec2) -> Option<(Vec3, f32, Vec3)> {
         match (self, environment) {
-            (Self::Uniform, _) => Some((warp::uniform_sphere(u), 0.25 / PI)),
+            (Self::Uniform, _) => {
+                let direction = warp::uniform_sphere(u);
+                Some((direction, 0.25 / PI, environment.radiance(direction)))
+            }
             (Self::Map(distribution), Environment::Map(map)) => {
                 let (uv, pdf) = distribution.sample(u)?;
-                let sine = (uv.y * PI).sin();
-                (sine > 0.0).then(|| (map.direction_of(uv), pdf / (2.0 * PI * PI * sine)))
+                let (direction, sine) = map.direction_and_sine_of(uv);
+                let pdf = pdf / (2.0 * PI * PI * sine);
+                (sine > 0.0).then(|| (direction, pdf, map.radiance_at(uv)))
             }
             _ => None,
+        }
+    }
+
+    /// The radiance from a direction, and the density with which it is sampled.
+    pub(super) fn found(&self, environment: &Environment, direction: Vec3) -> (Vec3, f32) {
+        match (self, environment) {
+            (Self::Map(distribution), Environment::Map(map)) => {
+                let uv = map.uv_of(direction);
+                (map.radiance_at(uv), density(distribution, uv))
+            }
+            _ => (environment.radiance(direction), self.pdf(environment, direction)),
         }
     }
 
@@ -107,13 +127,17 @@ impl EnvironmentSampler {
         match (self, environment) {
             (Self::Uniform, _) => 0.25 / PI,
             (Self::Map(distribution), Environment::Map(map)) => {
-                let uv = map.uv_of(direction);
-                let sine = (uv.y * PI).sin();
-                if sine > 0.0 { distribution.pdf(uv) / (2.0 * PI * PI * sine) } else { 0.0 }
+                density(distribution, map.uv_of(direction))
             }
             _ => 0.0,
         }
     }
+}
+
+/// Density per solid angle of a point of the map.
+fn density(distribution: &Distribution2d, uv: Vec2) -> f32 {
+    let sine = (uv.y * PI).sin();
+    if sine > 0.0 { distribution.pdf(uv) / (2.0 * PI * PI * sine) } else { 0.0 }
 }
 
 /// Weights of a grid over the map, and its columns.
@@ -187,9 +211,12 @@ mod tests {
         let mut rng = Rng::new(10);
         let mut other_texel = 0;
         let sampled = Moments::of((0..100_000).filter_map(|_| {
-            let (d, pdf) = sampler.sample(&environment, rng.vec2())?;
+            let (d, pdf, radiance) = sampler.sample(&environment, rng.vec2())?;
             // Rounding may carry a direction over the edge of a texel.
             other_texel += u32::from((pdf / sampler.pdf(&environment, d) - 1.0).abs() > 0.01);
+            let seen = environment.radiance(d);
+            other_texel += u32::from((radiance - seen).length() > 1e-3 * radiance.length());
+            assert_eq!(sampler.found(&environment, d), (seen, sampler.pdf(&environment, d)));
             Some(f64::from(luminance(environment.radiance(d)) / pdf))
         }));
         assert!(other_texel < 50, "{other_texel}");

@@ -241,11 +241,11 @@ impl LightSampler {
         let (index, probability, rest) = self.choice.sample(choice)?;
         match &self.sources[index] {
             Source::Environment => {
-                let (direction, pdf) = self.environment.sample(&scene.environment, u)?;
+                let (direction, pdf, radiance) = self.environment.sample(&scene.environment, u)?;
                 Some(LightSample {
                     direction,
                     distance: f32::INFINITY,
-                    radiance: scene.environment.radiance(direction),
+                    radiance,
                     pdf: probability * pdf,
                     delta: false,
                 })
@@ -293,6 +293,16 @@ impl LightSampler {
     /// direction.
     pub fn environment_pdf(&self, scene: &FlatScene, direction: Vec3) -> f32 {
         self.environment_probability * self.environment.pdf(&scene.environment, direction)
+    }
+
+    /// Radiance of the environment in a unit direction, without suns, and the density of
+    /// [`LightSampler::environment_pdf`].
+    pub fn environment_found(&self, scene: &FlatScene, direction: Vec3) -> (Vec3, f32) {
+        if self.environment_probability == 0.0 {
+            return (scene.environment.radiance(direction), 0.0);
+        }
+        let (radiance, pdf) = self.environment.found(&scene.environment, direction);
+        (radiance, self.environment_probability * pdf)
     }
 
     /// Radiance of the environment in a unit direction, without suns.

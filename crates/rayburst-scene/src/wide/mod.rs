@@ -7,11 +7,15 @@
 //! [`FlatScene::surface`]: crate::FlatScene::surface
 //! [`FlatScene::shading_point`]: crate::FlatScene::shading_point
 
+mod lights;
+mod lobes;
 mod shading;
 mod surface;
 #[cfg(test)]
 mod tests;
 mod texture;
 
+pub use lights::Arrival16;
+pub use lobes::{LobeSample16, LobeValues16, Lobes16};
 pub use shading::{Footprint16, ShadingPoint16};
 pub use surface::{Surface16, UvSet16};

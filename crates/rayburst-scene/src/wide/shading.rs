@@ -3,7 +3,7 @@
 use glam::Vec3;
 use rayburst_math::{
     cone::GRAZING,
-    lanes::{F32x16, LANES, Mask16, Vec2x16, Vec3x16},
+    lanes::{F32x16, Frame16, LANES, Mask16, Vec2x16, Vec3x16},
 };
 
 use super::{surface::Surface16, texture::lookup};
@@ -77,14 +77,15 @@ impl FlatScene {
         };
         let mut mapped = surface.tangent.dot(surface.tangent).is_greater(F32x16::ZERO);
         for lane in 0..LANES {
-            mapped.0[lane] &= materials[lane].normal_texture.index().is_some();
+            let texture = materials[lane].normal_texture.index();
+            mapped.set_lane(lane, mapped.lane(lane) && texture.is_some());
         }
         // One after the other in a loop, so that there is one copy of the code.
         let mut texels = [Vec3x16::splat(Vec3::ONE); 4];
         for kind in 0..4 {
             let (wanted, most_taps) = match kind {
-                COLOUR => (!Mask16::NONE, options.most_taps),
-                ROUGHNESS => (!Mask16::NONE, options.most_detail_taps),
+                COLOUR => (Mask16::ALL, options.most_taps),
+                ROUGHNESS => (Mask16::ALL, options.most_detail_taps),
                 EMISSION => (factors.shines, options.most_taps),
                 _ => (mapped, options.most_detail_taps),
             };
@@ -143,34 +144,18 @@ fn factors(materials: &[&Material; LANES], front: Mask16) -> Factors {
         factors.metallic.0[lane] = material.metallic;
         factors.roughness.0[lane] = material.roughness;
         factors.normal_scale.0[lane] = material.normal_scale;
-        factors.shines.0[lane] =
-            material.is_emissive() && (front.0[lane] || material.is_double_sided());
-        factors.unlit.0[lane] = material.model() == ShadingModel::Unlit;
+        let seen = front.lane(lane) || material.is_double_sided();
+        factors.shines.set_lane(lane, material.is_emissive() && seen);
+        factors.unlit.set_lane(lane, material.model() == ShadingModel::Unlit);
     }
     factors
-}
-
-/// Frames around unit normals with tangents nearest to those given; see
-/// [`rayburst_math::Frame::from_normal_tangent`].
-#[inline(always)]
-fn tangents(normal: Vec3x16, tangent: Vec3x16) -> [Vec3x16; 2] {
-    let one = F32x16::ONE;
-    let sign = normal.z.is_less(F32x16::ZERO).select(-one, one);
-    let a = -1.0 / (sign + normal.z);
-    let arbitrary = Vec3x16 {
-        x: one + sign * normal.x * normal.x * a,
-        y: sign * (normal.x * normal.y * a),
-        z: -sign * normal.x,
-    };
-    let tangent = (tangent - normal * normal.dot(tangent)).normalize_or(arbitrary);
-    [tangent, normal.cross(tangent)]
 }
 
 /// The axes of the ellipses in which cones cut surfaces; see [`rayburst_math::cone::section`].
 #[inline(always)]
 fn section(width: F32x16, direction: Vec3x16, normal: Vec3x16) -> [Vec3x16; 2] {
     let cosine = normal.dot(direction).abs().max(F32x16::splat(GRAZING));
-    let [tangent, bitangent] = tangents(normal, direction);
+    let Frame16 { tangent, bitangent, .. } = Frame16::from_normal_tangent(normal, direction);
     [tangent * (width / cosine), bitangent * width]
 }
 
@@ -198,11 +183,11 @@ fn barycentric_change(edges: &[Vec3x16; 2], steps: [Vec3x16; 2]) -> [Vec2x16; 2]
 #[inline(always)]
 fn mapped_normal(surface: &Surface16, scale: F32x16, texel: Vec3x16) -> Vec3x16 {
     let normal = surface.shading_normal;
-    let [tangent, bitangent] = tangents(normal, surface.tangent);
+    let frame = Frame16::from_normal_tangent(normal, surface.tangent);
     let x = (2.0 * texel.x - 1.0) * scale;
     let y = (2.0 * texel.y - 1.0) * scale * surface.handedness;
     let z = 2.0 * texel.z - 1.0;
-    ((tangent * x + bitangent * y) + normal * z).normalize_or(normal)
+    frame.to_world(Vec3x16 { x, y, z }).normalize_or(normal)
 }
 
 /// The nearest normals for which the mirror directions of `wo` are above the surfaces.

@@ -125,7 +125,7 @@ fn gather(scene: &FlatScene, hits: &[Hit; LANES]) -> Corners {
                 + weights.y * normals[corner[1]]
                 + weights.z * normals[corner[2]];
             corners.normal.set_lane(lane, geometry.normal_transform * n);
-            corners.has_normals.0[lane] = true;
+            corners.has_normals.set_lane(lane, true);
         }
         if let Some(tangents) = &primitive.tangents {
             let t = weights.x * tangents[corner[0]]
@@ -151,7 +151,7 @@ fn gather(scene: &FlatScene, hits: &[Hit; LANES]) -> Corners {
         corners.side.0[lane] = if geometry.mirrored { -1.0 } else { 1.0 };
         corners.material[lane] = geometry.material;
         corners.node[lane] = geometry.node;
-        corners.front.0[lane] = (hit.kind == HitKind::TRIANGLE_FRONT) != geometry.mirrored;
+        corners.front.set_lane(lane, (hit.kind == HitKind::TRIANGLE_FRONT) != geometry.mirrored);
         corners.u.0[lane] = hit.u;
         corners.v.0[lane] = hit.v;
         corners.placed |= !instance.is_identity;
@@ -239,7 +239,7 @@ fn placements(scene: &FlatScene, hits: &[Hit; LANES]) -> Placements {
     for (lane, hit) in hits.iter().enumerate() {
         let FlatInstance { object_to_world: m, normal_to_world, is_identity, .. } =
             &scene.instances[hit.instance as usize];
-        placements.placed.0[lane] = !is_identity;
+        placements.placed.set_lane(lane, !is_identity);
         for (column, axis) in columns(&m.matrix3).into_iter().enumerate() {
             placements.to_world[column].set_lane(lane, axis.into());
         }

@@ -80,7 +80,7 @@ fn compare(scene: &FlatScene, groups: u32, seed: u64) -> [f32; 2] {
         for lane in 0..LANES {
             let surface = scene.surface(&hits[lane]);
             assert_eq!((surface.material, surface.node), (wide.material[lane], wide.node[lane]));
-            assert_eq!(surface.front, wide.front.0[lane]);
+            assert_eq!(surface.front, wide.front.lane(lane));
             let scale = scene.bounds.extent().length();
             let near = |a: Vec3, b: Vec3, bound: f32| {
                 assert!((a - b).length() <= bound, "{a} {b}, lane {lane} of {group}");

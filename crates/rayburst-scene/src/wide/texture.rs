@@ -102,7 +102,7 @@ fn one_by_one(
     colour: &mut Vec3x16,
 ) {
     for lane in 0..LANES {
-        if odd.0[lane] {
+        if odd.lane(lane) {
             let axes = [axes[0].lane(lane), axes[1].lane(lane)];
             let texel = scene.texture_within(slots[lane], at.lane(lane), axes, most_taps);
             colour.set_lane(lane, texel.truncate());
@@ -130,24 +130,24 @@ impl<'a> Slots<'a> {
             transformed: false,
         };
         for (lane, slot) in slots.iter().enumerate() {
-            if !wanted.0[lane] {
+            if !wanted.lane(lane) {
                 continue;
             }
             let Some((texture, image)) = scene.texture_image(slot) else { continue };
             found.images[lane] = Some(image);
-            found.textured.0[lane] = true;
+            found.textured.set_lane(lane, true);
             let linear = Texture { image: texture.image, wrap: texture.wrap, ..Texture::new(0) };
-            found.odd.0[lane] = *texture != linear;
+            found.odd.set_lane(lane, *texture != linear);
             found.size.x.0[lane] = image.width() as f32;
             found.size.y.0[lane] = image.height() as f32;
             found.last_level.0[lane] = (image.levels().len() - 1) as f32;
             for (wraps, mode) in found.wrap.iter_mut().zip(texture.wrap) {
-                wraps.mirrored.0[lane] = mode == WrapMode::MirroredRepeat;
-                wraps.clamped.0[lane] = mode == WrapMode::ClampToEdge;
+                wraps.mirrored.set_lane(lane, mode == WrapMode::MirroredRepeat);
+                wraps.clamped.set_lane(lane, mode == WrapMode::ClampToEdge);
                 wraps.repeat &= mode == WrapMode::Repeat;
             }
-            found.encoded.0[lane] = image.format() == TexelFormat::Srgb;
-            found.second_set.0[lane] = slot.uv_set > 0;
+            found.encoded.set_lane(lane, image.format() == TexelFormat::Srgb);
+            found.second_set.set_lane(lane, slot.uv_set > 0);
             if slot.transform != TextureSlot::NONE.transform {
                 found.transformed = true;
                 for (rows, row) in found.transform.iter_mut().zip(slot.transform) {
@@ -180,31 +180,34 @@ impl<'a> Slots<'a> {
         let length = (0.5 * (xx + yy) + root).sqrt();
         let width = a.perp_dot(b).abs() / length;
         let width = length.is_greater(F32x16::ZERO).select(width, length).min(length);
-        if most_taps == 1 {
-            let lod = (length * width).sqrt().max(F32x16::ONE).log2().min(self.last_level);
-            let mut colour = Vec3x16::ZERO;
-            self.trilinear(at, lod, F32x16::ONE, &mut colour);
-            return colour;
-        }
-        let wide = half_difference.is_at_least(F32x16::ZERO);
-        let axis = Vec2x16 {
-            x: wide.select(half_difference + root, xy),
-            y: wide.select(xy, root - half_difference),
-        };
-        let unit = 1.0 / axis.dot(axis).sqrt();
-        let unit = unit.is_finite().select(unit, F32x16::ZERO);
-        let major = axis * (unit * length);
+        let one = F32x16::ONE;
+        let (mut texels, mut taps) = ((length * width).sqrt(), one);
+        let mut step = Vec2x16::ZERO;
+        if most_taps > 1 {
+            let wide = half_difference.is_at_least(F32x16::ZERO);
+            let axis = Vec2x16 {
+                x: wide.select(half_difference + root, xy),
+                y: wide.select(xy, root - half_difference),
+            };
+            let unit = 1.0 / axis.dot(axis).sqrt();
+            let unit = unit.is_finite().select(unit, F32x16::ZERO);
+            let major = axis * (unit * length);
 
-        let tap = width.max(length * (1.0 / most_taps as f32)).max(F32x16::ONE);
-        let single = length.is_at_most(tap * ROUND) | tap.is_at_least(self.size.x.max(self.size.y));
-        let taps = -(-(length / tap)).floor();
-        let taps = taps.max(F32x16::splat(2.0)).min(F32x16::splat(most_taps.max(2) as f32));
-        let taps = single.select(F32x16::ONE, taps);
-        let round = (length * tap.min(length)).sqrt();
-        let texels = single.select(round, tap).max(F32x16::ONE);
-        let lod = texels.log2().min(self.last_level);
+            let tap = width.max(length * (1.0 / most_taps as f32)).max(one);
+            let coarsest = tap.is_at_least(self.size.x.max(self.size.y));
+            let single = length.is_at_most(tap * ROUND) | coarsest;
+            let several = -(-(length / tap)).floor();
+            let several = several.max(F32x16::splat(2.0));
+            taps = single.select(one, several.min(F32x16::splat(most_taps as f32)));
+            texels = single.select((length * tap.min(length)).sqrt(), tap);
+            step = Vec2x16 { x: major.x / self.size.x, y: major.y / self.size.y } * (1.0 / taps);
+        }
+        let lod = texels.max(one).log2().min(self.last_level);
+        let fine = lod.floor();
+        let between = lod - fine;
+        let levels = [fine, (fine + 1.0).min(self.last_level)];
+        let shares = [1.0 - between, between];
         let weight = 1.0 / taps;
-        let step = Vec2x16 { x: major.x / self.size.x, y: major.y / self.size.y } * weight;
         let first = at - step * (0.5 * (taps - 1.0));
 
         let mut colour = Vec3x16::ZERO;
@@ -214,23 +217,15 @@ impl<'a> Slots<'a> {
             if !going.any() {
                 return colour;
             }
-            let share = going.select(weight, F32x16::ZERO);
-            self.trilinear(first + step * done, lod, share, &mut colour);
-            done += F32x16::ONE;
-        }
-    }
-
-    /// Adds what is at `at` on the mip level `lod`, times `weight`.
-    #[inline(always)]
-    fn trilinear(&self, at: Vec2x16, lod: F32x16, weight: F32x16, colour: &mut Vec3x16) {
-        let fine = lod.floor();
-        let between = lod - fine;
-        let wanted = weight.is_greater(F32x16::ZERO);
-        self.bilinear(at, fine.to_i32(), wanted, weight * (1.0 - between), colour);
-        let two = wanted & between.is_greater(F32x16::ZERO);
-        if two.any() {
-            let coarse = (fine + 1.0).min(self.last_level);
-            self.bilinear(at, coarse.to_i32(), two, weight * between, colour);
+            let place = first + step * done;
+            for i in 0..2 {
+                let wanted = going & shares[i].is_greater(F32x16::ZERO);
+                if wanted.any() {
+                    let weight = wanted.select(weight * shares[i], F32x16::ZERO);
+                    self.bilinear(place, levels[i].to_i32(), wanted, weight, &mut colour);
+                }
+            }
+            done += one;
         }
     }
 
@@ -251,7 +246,6 @@ impl<'a> Slots<'a> {
         let mut texels = [U32x16::default(); 4];
         self.fetch(&level, wanted, [&x0, &x1], [&y0, &y1], &mut texels);
         let (gx, gy) = (1.0 - fx, 1.0 - fy);
-        let weight = wanted.select(weight, F32x16::ZERO);
         let weights = [gx * gy * weight, fx * gy * weight, gx * fy * weight, fx * fy * weight];
         let mixed = self.encoded.any();
         for i in 0..4 {
@@ -272,7 +266,7 @@ impl<'a> Slots<'a> {
     #[inline(never)]
     fn level_size(&self, level: &I32x16, wanted: Mask16, width: &mut I32x16, height: &mut I32x16) {
         for lane in 0..LANES {
-            if let (true, Some(image)) = (wanted.0[lane], self.images[lane]) {
+            if let (true, Some(image)) = (wanted.lane(lane), self.images[lane]) {
                 let level = &image.levels()[level.0[lane] as usize];
                 (width.0[lane], height.0[lane]) = (level.width as i32, level.height as i32);
             }
@@ -289,7 +283,7 @@ impl<'a> Slots<'a> {
         texels: &mut [U32x16; 4],
     ) {
         for lane in 0..LANES {
-            if let (true, Some(image)) = (wanted.0[lane], self.images[lane]) {
+            if let (true, Some(image)) = (wanted.lane(lane), self.images[lane]) {
                 let bytes = image.bytes_at(
                     level.0[lane] as usize,
                     [columns[0].0[lane] as u32, columns[1].0[lane] as u32],
