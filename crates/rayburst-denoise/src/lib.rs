@@ -5,8 +5,21 @@
 
 #![forbid(unsafe_code)]
 
+mod bilateral;
+mod checks;
 mod error;
+mod firefly;
 mod guides;
+mod lanes;
+mod least;
+mod occlusion;
+mod scratch;
+mod shadow;
+mod surfaces;
 
 pub use error::{DenoiseError, Result};
+pub use firefly::{FireflyFilter, FireflySettings};
 pub use guides::Guides;
+pub use occlusion::{OcclusionFilter, OcclusionSettings};
+pub use shadow::{LightSize, ShadowFilter, ShadowSettings};
+pub use surfaces::{SurfaceTolerance, Surfaces};
