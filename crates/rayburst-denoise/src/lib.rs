@@ -7,6 +7,15 @@
 
 mod error;
 mod guides;
+mod reprojection;
+mod slope;
+mod stack;
+mod temporal;
+mod variance;
 
 pub use error::{DenoiseError, Result};
 pub use guides::Guides;
+pub use reprojection::{Reprojection, SurfaceTests, Taps, reproject};
+pub use stack::Stack;
+pub use temporal::{Accumulation, LARGEST, Temporal};
+pub use variance::{RunningVariance, VariancePlane, blend_variance};
