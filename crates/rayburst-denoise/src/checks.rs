@@ -1,6 +1,7 @@
 //! What is asked of settings and planes before any work is done.
 
-use crate::{DenoiseError, Result};
+pub(crate) use crate::reprojection::same_size as size;
+use crate::{Result, error};
 
 /// Fails unless a setting is in a range, which its text names.
 pub(crate) fn setting(
@@ -9,18 +10,7 @@ pub(crate) fn setting(
     (least, most): (f32, f32),
     range: &'static str,
 ) -> Result<()> {
-    if value >= least && value <= most {
-        return Ok(());
-    }
-    Err(DenoiseError::Setting { name, value: f64::from(value), range })
-}
-
-/// Fails unless a plane has the picture's size.
-pub(crate) fn size(name: &'static str, found: (u32, u32), expected: (u32, u32)) -> Result<()> {
-    if found == expected {
-        return Ok(());
-    }
-    Err(DenoiseError::Mismatch { name, found, expected })
+    error::check(name, value, least..=most, range)
 }
 
 /// Fails where a picture has no pixels.
