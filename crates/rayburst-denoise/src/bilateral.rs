@@ -15,9 +15,6 @@ use crate::{
     surfaces::{NEARNESS, NORMAL, SLOPE, STEP, STIFFNESS},
 };
 
-/// The standard deviation of the kernel, as a share of its radius: 1/√7.
-pub(crate) const DEVIATION: f32 = 0.377_964_5;
-
 /// Kernels are no wider to either side, pixels.
 pub(crate) const MOST_RADIUS: f32 = MARGIN as f32;
 

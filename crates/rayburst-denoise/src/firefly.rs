@@ -139,7 +139,7 @@ impl Kernel for Limit<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<I: Isa>(mut self, _: I) {
+    fn run<I: Isa>(self, _: I) {
         let stride = self.colour.channels[0].stride();
         for row in 0..self.out[0].len() / stride {
             let y = self.top + row;

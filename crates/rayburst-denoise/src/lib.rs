@@ -7,11 +7,13 @@
 
 mod bilateral;
 mod checks;
+mod clip;
 mod error;
 mod firefly;
 mod guides;
 mod lanes;
 mod least;
+mod neighbourhood;
 mod occlusion;
 mod reprojection;
 mod scratch;
@@ -19,7 +21,10 @@ mod shadow;
 mod slope;
 mod stack;
 mod surfaces;
+mod taa;
 mod temporal;
+mod texels;
+mod upscale;
 mod variance;
 
 pub use error::{DenoiseError, Result};
@@ -30,5 +35,7 @@ pub use reprojection::{Reprojection, SurfaceTests, Taps, reproject};
 pub use shadow::{LightSize, ShadowFilter, ShadowSettings};
 pub use stack::Stack;
 pub use surfaces::{SurfaceTolerance, Surfaces};
+pub use taa::{TaaSettings, TemporalAntialiasing};
 pub use temporal::{Accumulation, LARGEST, Temporal};
+pub use upscale::{TemporalUpscaling, UpscaleSettings};
 pub use variance::{RunningVariance, VariancePlane, blend_variance};

@@ -5,6 +5,8 @@ mod frames;
 mod occlusion;
 mod reprojection;
 mod shadow;
+mod taa;
 mod temporal;
+mod upscale;
 mod variance;
 mod views;

@@ -242,3 +242,38 @@ pub(crate) fn assert_same_everywhere(run: impl Fn(IsaLevel) -> Vec<f32> + Sync) 
         assert!(off <= 1e-5, "{}: {off}", level.name());
     }
 }
+
+/// Where the rays of a frame go through pixels: the points of Roberts' R₂ sequence.
+pub(crate) fn jitter(i: u32) -> Vec2 {
+    let at = |step: f64| ((0.5 + f64::from(i) * step).fract() - 0.5) as f32;
+    Vec2::new(at(0.754_877_666_246_692_7), at(0.569_840_290_998_053_3))
+}
+
+/// A picture with edges, lines and fine texture, as a function of the point in pixels.
+pub(crate) fn pattern(p: Vec2) -> Vec3 {
+    let edge = if 0.9 * p.x + 0.4 * p.y > 50.0 { 0.8 } else { 0.1 };
+    let disc = if p.distance(Vec2::new(30.0, 30.0)) < 17.3 { 0.6 } else { 0.0 };
+    let rings = 0.15 + 0.15 * (0.012 * p.distance_squared(Vec2::new(70.0, 20.0))).cos();
+    let line = if (0.3 * p.x - p.y + 30.0).rem_euclid(16.0) < 1.7 { 0.3 } else { 0.0 };
+    Vec3::new(0.5 * edge + 0.4 * disc, 0.6 * edge + line, rings + 0.3 * disc)
+}
+
+/// The pattern under a kernel of the distance in pixels, no wider than two to each side.
+pub(crate) fn supersampled(size: (u32, u32), scale: Vec2, kernel: fn(Vec2) -> f32) -> Plane3 {
+    const SIDE: i32 = 32;
+    fill3(size, |x, y| {
+        let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+        let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
+        for j in 0..SIDE {
+            for i in 0..SIDE {
+                let d = (Vec2::new(i as f32, j as f32) + 0.5) * (2.0 / SIDE as f32) - 1.0;
+                let weight = kernel(d);
+                if weight > 0.0 {
+                    sum += weight * pattern((centre + d) * scale);
+                    weights += weight;
+                }
+            }
+        }
+        sum / weights
+    })
+}
