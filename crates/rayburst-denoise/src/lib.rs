@@ -15,6 +15,7 @@ mod lanes;
 mod least;
 mod neighbourhood;
 mod occlusion;
+mod reflection;
 mod reprojection;
 mod scratch;
 mod shadow;
@@ -31,6 +32,11 @@ pub use error::{DenoiseError, Result};
 pub use firefly::{FireflyFilter, FireflySettings};
 pub use guides::Guides;
 pub use occlusion::{OcclusionFilter, OcclusionSettings};
+pub use reflection::{
+    ReflectionFilter, ReflectionFilterSettings, ReflectionFrame, ReflectionHistory,
+    ReflectionHistorySettings, ReflectionRays, ReflectionResolve, ReflectionSettings,
+    ReflectionSurface, Resolved,
+};
 pub use reprojection::{Reprojection, SurfaceTests, Taps, reproject};
 pub use shadow::{LightSize, ShadowFilter, ShadowSettings};
 pub use stack::Stack;

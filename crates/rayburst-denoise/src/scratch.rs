@@ -46,11 +46,6 @@ impl Scratch {
         self.height
     }
 
-    /// Number of values in a row of one channel, margins included.
-    pub(crate) fn stride(&self) -> usize {
-        self.stride
-    }
-
     /// A row of a channel with its margins: pixel x is at `MARGIN + x`.
     #[inline(always)]
     pub(crate) fn row(&self, y: usize, channel: usize) -> &[f32] {
@@ -169,7 +164,7 @@ mod tests {
                 for channel in 0..2 {
                     let (row, base) = (scratch.row(y, channel), 100 * y + 10 * channel);
                     assert_eq!(row[0], base as f32);
-                    assert_eq!(row[scratch.stride() - 1], (base + width as usize - 1) as f32);
+                    assert_eq!(row[row.len() - 1], (base + width as usize - 1) as f32);
                 }
             }
             assert_eq!(scratch.near_row(-7, 1), scratch.row(0, 1));

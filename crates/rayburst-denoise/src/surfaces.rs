@@ -56,10 +56,11 @@ pub struct Surfaces {
 pub(crate) const NEARNESS: usize = 0;
 pub(crate) const NORMAL: usize = 1;
 /// Channels of [`Surfaces::local`], first along X, then along Y: the slope of the nearness, what turns a
-/// difference of nearness into lengths of a pixel, and that length, world units.
+/// difference of nearness into lengths of a pixel, and that length, world units; then the footprint.
 pub(crate) const SLOPE: usize = 0;
 pub(crate) const STIFFNESS: usize = 2;
 pub(crate) const STEP: usize = 4;
+pub(crate) const ACROSS: usize = 6;
 
 /// Depths from here on are taken for nothing.
 const FARTHEST: f32 = 1e12;
@@ -89,7 +90,7 @@ impl Surfaces {
         }
         self.size = size;
         self.shape.resize(size, 4);
-        self.local.resize(size, 6);
+        self.local.resize(size, 7);
         let isa = self.isa;
         self.shape.bands_mut().for_each(|band| isa.dispatch(Shape { guides, band }));
         let shape = &self.shape;
@@ -190,17 +191,20 @@ impl Kernel for Local<'_> {
                     slopes(&load(own_row, at - 1), &own, &load(own_row, at + 1)),
                     slopes(&before, &own, &after),
                 ];
-                let across = load(footprint, x);
+                let mut across = load(footprint, x);
+                for i in 0..LANES {
+                    across[i] = lesser(greater(across[i], 1e-12), FARTHEST);
+                }
+                store(self.band.row_mut(y, ACROSS), at, &across);
                 for axis in 0..2 {
                     let mut stiffness = [0.0; LANES];
                     let mut step = [0.0; LANES];
                     for i in 0..LANES {
                         let nearness = greater(own[i], 1.0 / FARTHEST);
                         let square = 1.0 / (nearness * nearness);
-                        let across = lesser(greater(across[i], 1e-12), FARTHEST);
                         // How much deeper the plane is a pixel farther.
                         let deeper = slope[axis][i] * square;
-                        step[i] = (across * across + deeper * deeper).sqrt();
+                        step[i] = (across[i] * across[i] + deeper * deeper).sqrt();
                         stiffness[i] = square / step[i];
                     }
                     store(self.band.row_mut(y, SLOPE + axis), at, &slope[axis]);

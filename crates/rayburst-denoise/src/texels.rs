@@ -46,10 +46,6 @@ impl Texels {
         self.width
     }
 
-    pub(crate) fn height(&self) -> usize {
-        self.height
-    }
-
     pub(crate) fn fill(&mut self, texel: Texel) {
         self.values.fill(texel);
     }

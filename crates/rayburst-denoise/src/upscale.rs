@@ -274,7 +274,7 @@ impl Kernel for Resolve<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<I: Isa>(mut self, _: I) {
+    fn run<I: Isa>(self, _: I) {
         let width = self.before.width();
         let stride = self.out[0].len() / (self.now.len() / width);
         for row in 0..self.now.len() / width {

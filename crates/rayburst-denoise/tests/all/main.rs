@@ -3,6 +3,7 @@
 mod firefly;
 mod frames;
 mod occlusion;
+mod reflection;
 mod reprojection;
 mod shadow;
 mod taa;
