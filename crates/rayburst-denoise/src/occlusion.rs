@@ -31,6 +31,8 @@ pub struct OcclusionSettings {
     pub least_radius: f32,
     /// The greatest radius of a kernel, pixels.
     pub most_radius: f32,
+    /// Every how many pixels a neighbour counts: 2 for a signal that blocks of 2×2 pixels share, or 1.
+    pub spacing: u32,
     /// Which pixels show the same surface.
     pub tolerance: SurfaceTolerance,
 }
@@ -43,6 +45,7 @@ impl Default for OcclusionSettings {
             search: 8.0,
             least_radius: 3.0,
             most_radius: 16.0,
+            spacing: 2,
             tolerance: SurfaceTolerance::default(),
         }
     }
@@ -56,6 +59,7 @@ impl OcclusionSettings {
         checks::setting("the search", self.search, (0.0, MOST_RADIUS), "from 0 to 32")?;
         checks::setting("the least radius", self.least_radius, (0.0, MOST_RADIUS), "from 0 to 32")?;
         checks::setting("the most radius", self.most_radius, (0.0, MOST_RADIUS), "from 0 to 32")?;
+        checks::setting("the spacing", self.spacing as f32, (1.0, 2.0), "1 or 2")?;
         self.tolerance.check()
     }
 }
@@ -104,7 +108,7 @@ impl OcclusionFilter {
         self.distance
             .bands_mut()
             .for_each(|band| isa.dispatch(Lengths { distance, reach, width, band }));
-        // What blocks of 2×2 pixels share is looked at once.
+        // The nearest of every second pixel is near enough.
         let (stride, taps) = (2, (settings.search / 2.0) as usize);
         let pass = |axis, input: &Scratch, out: &mut Scratch| {
             out.bands_mut().for_each(|band| {
@@ -120,7 +124,7 @@ impl OcclusionFilter {
         };
         let pass = |axis, input: &Scratch, out: &mut Scratch| {
             out.bands_mut().for_each(|band| {
-                let (stride, blocks) = (1, None);
+                let (stride, blocks) = (settings.spacing as usize, None);
                 let pass =
                     Bilateral::<1> { surfaces, factors, axis, stride, reach, blocks, input, band };
                 isa.dispatch(pass);

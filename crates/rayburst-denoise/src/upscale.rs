@@ -19,7 +19,7 @@ use crate::{
     neighbourhood::Neighbourhood,
     scratch::{BAND, MARGIN, band_rows, fit},
     taa::check_jitter,
-    texels::{Texel, Texels},
+    texels::{Texel, Texels, fold},
 };
 
 /// How [`TemporalUpscaling`] works.
@@ -65,7 +65,7 @@ pub struct TemporalUpscaling {
     before: Texels,
 }
 
-/// What the frame is at rendered pixels, with one more pixel around.
+/// What the frame is at rendered pixels, with one more pixel around, and another one to the right.
 #[derive(Clone, Debug, Default)]
 struct Packed {
     /// Luma, chromas, and whether the surface was found in the frame before.
@@ -81,9 +81,11 @@ struct Packed {
 struct Place {
     /// The rendered pixel before the one whose sample is nearest, counted from the one around the picture.
     first: usize,
-    /// Weights of three samples: under an output pixel's kernel, and under a rendered pixel's.
-    narrow: [f32; 3],
-    wide: [f32; 3],
+    /// Weights of three samples, under an output pixel's kernel and under a rendered pixel's; then zero.
+    narrow: [f32; 4],
+    wide: [f32; 4],
+    /// Sums of the weights.
+    totals: [f32; 2],
 }
 
 /// What a pixel that has seen nothing counts the frame for.
@@ -183,22 +185,24 @@ fn place(places: &mut Vec<Place>, small: u32, size: u32, jitter: f32, radius: f3
         let at = ((f64::from(x) + 0.5) * step - 0.5 - f64::from(jitter)) as f32;
         let nearest = at.round().clamp(0.0, small as f32 - 1.0);
         let weights = |radius: f32| {
-            [-1.0, 0.0, 1.0].map(|i| {
+            [-1.0, 0.0, 1.0, 2.0].map(|i| {
                 let sample = nearest + i;
-                let inside = sample >= 0.0 && sample < small as f32;
+                let inside = i < 2.0 && sample >= 0.0 && sample < small as f32;
                 if inside { bell(sample - at, radius) } else { 0.0 }
             })
         };
         let mut wide = weights(1.2);
         wide[1] = wide[1].max(0.01);
-        Place { first: nearest as usize, narrow: weights(radius), wide }
+        let narrow = weights(radius);
+        let totals = [narrow.iter().sum(), wide.iter().sum()];
+        Place { first: nearest as usize, narrow, wide, totals }
     }));
 }
 
 impl Packed {
     fn fill(&mut self, isa: IsaLevel, frame: &Neighbourhood, taps: Option<&Plane<Taps>>) {
         let (width, height) = (frame.colour().width() as u32, frame.colour().height() as u32);
-        let size = (width + 2, height + 2);
+        let size = (width + 3, height + 2);
         for texels in [&mut self.colour, &mut self.mean, &mut self.deviation] {
             texels.resize(size);
         }
@@ -223,7 +227,7 @@ impl Kernel for Pack<'_> {
     #[inline(always)]
     fn run<I: Isa>(self, _: I) {
         let (width, height) = (self.frame.colour().width(), self.frame.colour().height());
-        let stride = width + 2;
+        let stride = width + 3;
         let [colours, means, deviations] = self.out;
         for row in 0..colours.len() / stride {
             let y = self.top + row;
@@ -309,22 +313,18 @@ impl Resolve<'_> {
         let width = self.before.width();
         for i in 0..LANES.min(width - x) {
             let across = &self.columns[x + i];
-            let (mut near, mut around) = ([0.0; 4], [0.0; 4]);
+            let (mut near, mut around) = ([0.0; LANES], [0.0; LANES]);
             for j in 0..3 {
-                let texels =
-                    &self.packed.colour.row(down.first + j)[across.first..across.first + 3];
-                for k in 0..3 {
-                    let narrow_weight = down.narrow[j] * across.narrow[k];
-                    let wide_weight = down.wide[j] * across.wide[k];
-                    for c in 0..4 {
-                        near[c] += narrow_weight * texels[k][c];
-                        around[c] += wide_weight * texels[k][c];
-                    }
+                let row = self.packed.colour.row(down.first + j);
+                let texels = load(row.as_flattened(), 4 * across.first);
+                for k in 0..LANES {
+                    near[k] += down.narrow[j] * texels[k];
+                    around[k] += down.wide[j] * texels[k];
                 }
             }
-            let sum = |weights: &[f32; 3]| weights[0] + weights[1] + weights[2];
-            let total = sum(&down.narrow) * sum(&across.narrow);
-            let around_total = sum(&down.wide) * sum(&across.wide);
+            let (near, around) = (fold(&near, &across.narrow), fold(&around, &across.wide));
+            let total = down.totals[0] * across.totals[0];
+            let around_total = down.totals[1] * across.totals[1];
             let mean = self.packed.mean.row(down.first + 1)[across.first + 1];
             let deviation = self.packed.deviation.row(down.first + 1)[across.first + 1];
             let found = self.packed.colour.row(down.first + 1)[across.first + 1][3] > 0.0;

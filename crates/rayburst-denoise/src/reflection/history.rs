@@ -6,7 +6,7 @@
 //! 2020). It holds for flat mirrors and what stands still; where the frame before saw another distance
 //! there, its light is not taken. The rougher a surface, the more its reflection moves with itself.
 
-use glam::{Mat4, Vec3};
+use glam::Mat4;
 use rayburst_image::{Plane, Plane3};
 use rayburst_simd::{Isa, IsaLevel, Kernel};
 use rayon::prelude::*;
@@ -15,9 +15,9 @@ use super::{FARTHEST, coordinate};
 use crate::{
     Guides, Result, Taps, checks,
     clip::{Blend, Blended, from_ycocg},
-    lanes::{LANES, greater, lesser, load, store},
+    lanes::{LANES, Lanes, greater, lesser, load, store},
     neighbourhood::Neighbourhood,
-    scratch::{BAND, MARGIN, band_rows, fit},
+    scratch::{BAND, MARGIN, band_rows, fit, padded_row},
     texels::{Texel, Texels},
 };
 
@@ -190,8 +190,14 @@ impl Kernel for Accumulate<'_> {
                     blended.now[c] = load(self.around.colour().row(y, c), at);
                 }
                 blended.weight = [1.0; LANES];
+                let mut distance = load(padded_row(self.frame.distance, y), x);
+                for i in 0..LANES {
+                    distance[i] = greater(lesser(distance[i], FARTHEST), 1.0 / FARTHEST);
+                }
+                let images = self.images(y, x, &distance);
                 for i in 0..LANES.min(width - x) {
-                    let (history, about) = self.pixel(y, x + i);
+                    let image = [images[0][i], images[1][i]];
+                    let (history, about) = self.pixel(y * stride + x + i, distance[i], image);
                     for c in 0..4 {
                         blended.history[c][i] = history[c];
                     }
@@ -217,20 +223,11 @@ impl Kernel for Accumulate<'_> {
     }
 }
 
-/// Where a matrix maps a point to, in pixels; where that is behind the eye, nowhere.
-#[inline(always)]
-fn project(matrix: &Mat4, point: Vec3) -> [f32; 2] {
-    let p =
-        matrix.x_axis * point.x + matrix.y_axis * point.y + matrix.z_axis * point.z + matrix.w_axis;
-    if p.w > 0.0 { [p.x / p.w, p.y / p.w] } else { [f32::NAN; 2] }
-}
-
 impl Accumulate<'_> {
-    /// What a pixel's history is, and what is to be kept about the pixel.
+    /// What a pixel's history is, and what is to be kept about the pixel. `at` is where the frame before saw
+    /// its virtual image.
     #[inline(always)]
-    fn pixel(&self, y: usize, x: usize) -> (Texel, Texel) {
-        let index = y * self.object.stride() + x;
-        let distance = greater(lesser(self.frame.distance.at(index), FARTHEST), 1.0 / FARTHEST);
+    fn pixel(&self, index: usize, distance: f32, at: [f32; 2]) -> (Texel, Texel) {
         let nearness = 1.0 / distance;
         let object = (self.object.at(index) & 0xff_ffff) as f32;
         let about = [nearness, object, 0.0, 0.0];
@@ -241,16 +238,12 @@ impl Accumulate<'_> {
         let share = share * share * (3.0 - 2.0 * share);
         let mut sum = [0.0; 4];
         let mut weights = 0.0;
-        if share < 1.0
-            && let Some(at) = self.image(index, y, x, distance)
-        {
-            let seen = self.before.about.linear(at[0], at[1]);
-            let nearest =
-                self.before.about.near((at[0] + 4.5) as i32 - 4, (at[1] + 4.5) as i32 - 4);
+        if share < 1.0 && self.before.light.contains(at[0], at[1]) {
+            let seen = self.before.about.near((at[0] + 4.5) as i32 - 4, (at[1] + 4.5) as i32 - 4);
             let most = greater(greater(seen[0], nearness), 1.0 / FARTHEST);
             let off = (seen[0] - nearness).abs() / (most * (settings.distance + roughness));
             let alike = greater(1.0 - off * off, 0.0);
-            if alike > 0.0 && nearest[1] == object {
+            if alike > 0.0 && seen[1] == object {
                 let texel = self.before.light.cubic(at[0], at[1]);
                 let weight = (1.0 - share) * alike;
                 for c in 0..3 {
@@ -280,26 +273,60 @@ impl Accumulate<'_> {
         (sum, about)
     }
 
-    /// Where the frame before saw what a pixel's virtual image shows, in pixels from the first one's centre.
+    /// Where the frame before saw what sixteen pixels' virtual images show, in pixels from the first one's
+    /// centre; NaN where that is behind the eye.
     #[inline(always)]
-    fn image(&self, index: usize, y: usize, x: usize, distance: f32) -> Option<[f32; 2]> {
-        let position = &self.frame.position.channels;
-        let surface = Vec3::new(
-            coordinate(position[0].at(index)),
-            coordinate(position[1].at(index)),
-            coordinate(position[2].at(index)),
-        );
-        let matrix = &self.frame.world_to_pixel;
-        let [px, py] = project(matrix, surface);
-        // The eye's ray is what both rows of the matrix leave out.
-        let (row_x, row_y, row_w) = (matrix.row(0), matrix.row(1), matrix.row(3));
-        let (a, b) = (row_x - row_w * px, row_y - row_w * py);
-        let ray = a.truncate().cross(b.truncate());
-        let length = ray.length();
-        let image = surface + ray * (distance / length);
-        let [qx, qy] = project(&self.frame.world_to_pixel_before, image);
-        let at = [x as f32 + (qx - px), y as f32 + (qy - py)];
-        // False for NaN, too.
-        self.before.light.contains(at[0], at[1]).then_some(at)
+    fn images(&self, y: usize, x: usize, distance: &Lanes) -> [Lanes; 2] {
+        let frame = self.frame;
+        let now = rows(&frame.world_to_pixel);
+        let before = rows(&frame.world_to_pixel_before);
+        let px = load(padded_row(&frame.position.channels[0], y), x);
+        let py = load(padded_row(&frame.position.channels[1], y), x);
+        let pz = load(padded_row(&frame.position.channels[2], y), x);
+        let mut at = [[0.0; LANES]; 2];
+        for i in 0..LANES {
+            let point = [coordinate(px[i]), coordinate(py[i]), coordinate(pz[i])];
+            let [u, v] = project(&now, point);
+            // The eye's ray is what both rows of the matrix leave out.
+            let (mut a, mut b) = ([0.0; 3], [0.0; 3]);
+            for axis in 0..3 {
+                a[axis] = now[0][axis] - u * now[2][axis];
+                b[axis] = now[1][axis] - v * now[2][axis];
+            }
+            let ray =
+                [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+            let length = (ray[0] * ray[0] + ray[1] * ray[1] + ray[2] * ray[2]).sqrt();
+            let far = distance[i] / length;
+            let image = [point[0] + far * ray[0], point[1] + far * ray[1], point[2] + far * ray[2]];
+            let [q, r] = project(&before, image);
+            at[0][i] = (x + i) as f32 + (q - u);
+            at[1][i] = y as f32 + (r - v);
+        }
+        at
     }
+}
+
+/// Rows of a matrix that give x, y and w of points.
+#[inline(always)]
+fn rows(matrix: &Mat4) -> [[f32; 4]; 3] {
+    let columns = matrix.to_cols_array_2d();
+    let mut rows = [[0.0; 4]; 3];
+    for axis in 0..4 {
+        rows[0][axis] = columns[axis][0];
+        rows[1][axis] = columns[axis][1];
+        rows[2][axis] = columns[axis][3];
+    }
+    rows
+}
+
+/// Where a matrix maps a point to, in pixels; where that is behind the eye, nowhere.
+#[inline(always)]
+fn project(rows: &[[f32; 4]; 3], point: [f32; 3]) -> [f32; 2] {
+    let mut mapped = [0.0; 3];
+    for axis in 0..3 {
+        let row = &rows[axis];
+        mapped[axis] = (row[0] * point[0] + row[1] * point[1]) + (row[2] * point[2] + row[3]);
+    }
+    let share = if mapped[2] > 0.0 { 1.0 / mapped[2] } else { f32::NAN };
+    [mapped[0] * share, mapped[1] * share]
 }

@@ -53,9 +53,13 @@ fn noisy(away: &Plane, seed: u64) -> [Plane; 2] {
     [open, distance]
 }
 
-fn filtered(isa: IsaLevel, view: &View, [open, distance]: &[Plane; 2]) -> Plane {
+fn filtered(isa: IsaLevel, view: &View, planes: &[Plane; 2]) -> Plane {
+    spaced(isa, view, planes, 1)
+}
+
+fn spaced(isa: IsaLevel, view: &View, [open, distance]: &[Plane; 2], spacing: u32) -> Plane {
     let mut out = Plane::default();
-    let settings = OcclusionSettings { reach: REACH, ..OcclusionSettings::default() };
+    let settings = OcclusionSettings { reach: REACH, spacing, ..OcclusionSettings::default() };
     OcclusionFilter::new(isa)
         .filter(&view.surfaces(isa), open, distance, &settings, &mut out)
         .unwrap();
@@ -74,14 +78,24 @@ fn noise_of_a_wedge_falls() {
     println!("wedge: rmse {before:.4} to {after:.4}; mean {m:.4} to {n:.4}");
     assert!(4.0 * after < before, "{before} to {after}");
     assert!((n / m - 1.0).abs() < 0.01, "{m} {n}");
+    // One ray for every 2×2 pixels.
+    let shared = input.clone().map(|plane| fill(plane.size(), |x, y| plane.get(x & !1, y & !1)));
+    let before = rmse(&pixels(&shared[0]), &pixels(&exact));
+    let after = rmse(&pixels(&spaced(isa(), &view, &shared, 2)), &pixels(&exact));
+    println!("rays shared by 2×2 pixels: rmse {before:.4} to {after:.4}");
+    assert!(2.5 * after < before, "{before} to {after}");
     // A kernel of the same width everywhere is worse at the edge, where occluders are near.
     let near = |plane: &Plane| -> Vec<f32> {
         let size = plane.size();
         let all = (0..size.1).flat_map(|y| (0..size.0).map(move |x| (x, y)));
         all.filter(|&(x, y)| away.get(x, y) < 0.15).map(|(x, y)| plane.get(x, y)).collect()
     };
-    let wide =
-        OcclusionSettings { reach: REACH, least_radius: 16.0, ..OcclusionSettings::default() };
+    let wide = OcclusionSettings {
+        reach: REACH,
+        least_radius: 16.0,
+        spacing: 1,
+        ..OcclusionSettings::default()
+    };
     let mut blurred = Plane::default();
     OcclusionFilter::new(isa())
         .filter(&view.surfaces(isa()), &input[0], &input[1], &wide, &mut blurred)
