@@ -5,7 +5,12 @@
 
 #![forbid(unsafe_code)]
 
+mod approximate;
+mod atrous;
+mod atrous_kernel;
+mod average;
 mod error;
+mod geometry;
 mod guides;
 mod reprojection;
 mod slope;
@@ -13,6 +18,8 @@ mod stack;
 mod temporal;
 mod variance;
 
+pub use atrous::{EdgeStopping, MOST_LEVELS, Wavelet, WaveletKernel};
+pub use average::{Tap, Window, weighted_average};
 pub use error::{DenoiseError, Result};
 pub use guides::Guides;
 pub use reprojection::{Reprojection, SurfaceTests, Taps, reproject};
