@@ -47,7 +47,7 @@ impl WaveletKernel {
 
 /// What stops the blur. A tap's weight is that of the kernel times e to minus the sum of
 /// - the difference of depth over `depth` times (the change of depth that the surface's slope leads to
-///   expect between the two pixels, plus a thousandth of the depth per step),
+///   expect between the two pixels, plus a four-thousandth of the depth per pixel),
 /// - `normal` times (1 − the cosine between the normals): what a cosine to the power of `normal`
 ///   approaches for small angles (Wang et al.: "All-Frequency Rendering of Dynamic, Spatially-Varying
 ///   Reflectance", SIGGRAPH Asia 2009),

@@ -20,7 +20,7 @@ pub(crate) const SLOPE: usize = 5;
 /// Number of channels.
 pub(crate) const CHANNELS: usize = 7;
 /// Surfaces seen face on may change by this share of their depth from a pixel to the next.
-pub(crate) const LEAST_SLOPE: f32 = 1e-3;
+pub(crate) const LEAST_SLOPE: f32 = 2.5e-4;
 
 /// The object of what is beside the picture: that of no pixel.
 const OUTSIDE: u32 = u32::MAX;
@@ -194,7 +194,8 @@ mod tests {
                     assert_eq!(at(DEPTH), if nothing { 0.0 } else { depth.get(x as u32, y) });
                     let length = at(NORMAL).hypot(at(NORMAL + 1)).hypot(at(NORMAL + 2));
                     assert!((length - if flat { 0.0 } else { 1.0 }).abs() < 1e-6);
-                    if !nothing {
+                    // Below (4, 3), which is infinitely far, nothing is known.
+                    if !nothing && (x, y) != (4, 4) {
                         assert_eq!((at(SLOPE), at(SLOPE + 1)), (0.5, -0.25), "{x} {y}");
                     }
                 }

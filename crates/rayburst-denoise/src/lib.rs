@@ -6,23 +6,30 @@
 #![forbid(unsafe_code)]
 
 mod approximate;
+mod asvgf;
 mod atrous;
 mod atrous_kernel;
 mod average;
 mod error;
+mod estimate;
 mod geometry;
+mod gradient;
 mod guides;
 mod reprojection;
 mod slope;
 mod stack;
+mod svgf;
 mod temporal;
 mod variance;
 
+pub use asvgf::AdaptiveSvgf;
 pub use atrous::{EdgeStopping, MOST_LEVELS, Wavelet, WaveletKernel};
 pub use average::{Tap, Window, weighted_average};
 pub use error::{DenoiseError, Result};
+pub use gradient::{GradientSamples, GradientSettings, Gradients, NO_SAMPLE, STRATUM, strata};
 pub use guides::Guides;
 pub use reprojection::{Reprojection, SurfaceTests, Taps, reproject};
 pub use stack::Stack;
+pub use svgf::{Svgf, SvgfSettings};
 pub use temporal::{Accumulation, LARGEST, Temporal};
 pub use variance::{RunningVariance, VariancePlane, blend_variance};
