@@ -2,6 +2,8 @@
 
 use rayburst_image::Plane;
 
+use crate::geometry::smaller;
+
 /// Change of depth from a pixel to the next, world units.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Slope {
@@ -26,15 +28,6 @@ pub(crate) fn slope(depth: &Plane, x: u32, y: u32) -> Slope {
             at(y + 1 < height, index + stride) - z,
         ),
     }
-}
-
-/// The number of smaller magnitude, ignoring those that are not finite.
-#[inline(always)]
-fn smaller(a: f32, b: f32) -> f32 {
-    let a = if a.is_finite() { a } else { f32::INFINITY };
-    let b = if b.is_finite() { b } else { f32::INFINITY };
-    let c = if a.abs() <= b.abs() { a } else { b };
-    if c.is_finite() { c } else { 0.0 }
 }
 
 #[cfg(test)]

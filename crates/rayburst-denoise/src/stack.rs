@@ -6,8 +6,17 @@ use crate::Result;
 
 /// Rows that a thread works on at a time.
 pub(crate) const BAND: usize = 8;
-/// Values that kernels work on at a time; rows of planes begin at multiples of it.
+/// Values that kernels work on at a time: rows are multiples of it.
 pub(crate) const BLOCK: usize = 16;
+
+/// A block of values.
+pub(crate) type Lanes = [f32; BLOCK];
+
+/// The block of values from an index on.
+#[inline(always)]
+pub(crate) fn lanes(values: &[f32], at: usize) -> &Lanes {
+    values[at..at + BLOCK].first_chunk().expect("a block")
+}
 
 /// Channels of a picture: row 0 of every channel, then row 1 of every channel, and so on.
 ///
@@ -28,7 +37,8 @@ impl Stack {
     /// Zeros. The margin is rounded up to whole vectors. Fails where it would be empty or too large.
     pub fn new(size: (u32, u32), channels: usize, margin: usize) -> Result<Self> {
         // The picture alone is checked first, so that the message names its size.
-        let stride = Plane::<f32>::new(size.0, size.1)?.stride();
+        Plane::<u8>::new(size.0, size.1)?;
+        let stride = (size.0 as usize).next_multiple_of(BLOCK);
         let margin = margin.next_multiple_of(BLOCK);
         let stride = stride + 2 * margin;
         let rows = u32::try_from(channels as u64 * u64::from(size.1)).unwrap_or(u32::MAX);

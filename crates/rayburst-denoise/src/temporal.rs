@@ -11,7 +11,7 @@ use crate::{
     Result,
     error::check,
     reprojection::{Taps, same_size},
-    stack::{BAND, Stack},
+    stack::{BAND, BLOCK, Stack},
     variance::blend_variance,
 };
 
@@ -92,12 +92,12 @@ impl<const C: usize> Temporal<C> {
             same_size("the change", change.size(), size)?;
         }
         if self.now.size() != size {
-            self.before = Stack::new(size, C + 3, 0)?;
+            self.before = Stack::new(size, C + 3, BLOCK)?;
             self.now = self.before.clone();
         }
         std::mem::swap(&mut self.now, &mut self.before);
         let (before, width) = (&self.before, size.0 as usize);
-        let (stride, length) = (self.now.stride(), self.now.band_len(1));
+        let (margin, stride, length) = (self.now.margin(), self.now.stride(), self.now.band_len(1));
         let bands = self.now.values_mut().par_chunks_mut(length * BAND);
         bands.enumerate().for_each(|(band, rows)| {
             for (y, row) in (band * BAND..).zip(rows.chunks_mut(length)) {
@@ -112,11 +112,11 @@ impl<const C: usize> Temporal<C> {
                     let pixel =
                         Pixel::before(before, taps, change).accumulate(sample, measure, settings);
                     for (channel, value) in pixel.values.into_iter().enumerate() {
-                        row[channel * stride + x] = value;
+                        row[channel * stride + margin + x] = value;
                     }
-                    row[Self::MEAN * stride + x] = pixel.mean;
-                    row[Self::VARIANCE * stride + x] = pixel.variance;
-                    row[Self::LENGTH * stride + x] = pixel.length;
+                    row[Self::MEAN * stride + margin + x] = pixel.mean;
+                    row[Self::VARIANCE * stride + margin + x] = pixel.variance;
+                    row[Self::LENGTH * stride + margin + x] = pixel.length;
                 }
             }
         });

@@ -67,3 +67,15 @@ pub(crate) fn colours(width: u32, height: u32, mut f: impl FnMut(u32, u32) -> Ve
 pub(crate) fn random(seed: u32) -> Rng {
     Rng::new(u64::from(seed))
 }
+
+/// The root of the mean squared difference.
+pub(crate) fn rmse(a: &Plane3, b: &Plane3) -> f32 {
+    let (w, h) = a.size();
+    let mut sum = 0.0;
+    for y in 0..h {
+        for x in 0..w {
+            sum += f64::from((a.get(x, y) - b.get(x, y)).length_squared());
+        }
+    }
+    (sum / f64::from(3 * w * h)).sqrt() as f32
+}

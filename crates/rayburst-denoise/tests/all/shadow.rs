@@ -1,7 +1,10 @@
 //! Soft shadows: penumbrae of a half-plane over a floor, which are known in closed form.
 
 use glam::Vec3;
-use rayburst_denoise::{DenoiseError, LightSize, ShadowFilter, ShadowSettings};
+use rayburst_denoise::{
+    DenoiseError, LightSize, Reprojection, ShadowFilter, ShadowHistory, ShadowHistorySettings,
+    ShadowSettings, SurfaceTests,
+};
 use rayburst_image::Plane;
 use rayburst_math::hash::Rng;
 use rayburst_simd::IsaLevel;
@@ -207,4 +210,80 @@ fn threads_and_instruction_sets_do_not_matter() {
     let view = View::new(eye, &[(Vec3::ZERO, Vec3::Y, &|_| true)]);
     let input = noisy(&view, 1.0, 3);
     assert_same_everywhere(|isa| pixels(&filtered(isa, &view, &input)));
+}
+
+/// Filtered and accumulated shadows of some frames, by the edge of the half-plane in each.
+fn accumulated(isa: IsaLevel, edges: &[f32], settings: &ShadowHistorySettings) -> [Plane; 2] {
+    let view = View::floor(160, 96, 40.0);
+    let mut reprojection = Reprojection::new();
+    let mut history = ShadowHistory::new(isa);
+    let (mut share, mut out) = (Plane::default(), Plane::default());
+    for (i, &edge) in (0..).zip(edges) {
+        let mut moved = view.clone();
+        for value in moved.position.channels[0].values_mut() {
+            *value -= edge;
+        }
+        share = filtered(isa, &view, &noisy(&moved, 2.0, 50 + i));
+        let taps = reprojection.advance(&view.guides(), &SurfaceTests::default()).unwrap();
+        history.accumulate(&share, taps, settings, &mut out).unwrap();
+    }
+    [share, out]
+}
+
+#[test]
+fn frames_are_averaged_while_shadows_rest() {
+    let [share, out] = accumulated(isa(), &[0.0; 24], &ShadowHistorySettings::default());
+    let view = View::floor(160, 96, 40.0);
+    let exact = pixels(&fill((160, 96), |x, y| truth(view.position.get(x, y).x, 2.0)));
+    let (alone, after) = (rmse(&pixels(&share), &exact), rmse(&pixels(&out), &exact));
+    println!("resting shadow: rmse of a filtered frame {alone:.4}, accumulated {after:.4}");
+    assert!(1.3 * after < alone);
+}
+
+#[test]
+fn moved_shadows_leave_no_ghost() {
+    let edges: Vec<f32> = (0..20).map(|i| if i < 16 { 0.0 } else { -1.0 }).collect();
+    let view = View::floor(160, 96, 40.0);
+    let exact = pixels(&fill((160, 96), |x, y| truth(view.position.get(x, y).x + 1.0, 2.0)));
+    let error = |settings: &ShadowHistorySettings| {
+        let [_, out] = accumulated(isa(), &edges, settings);
+        rmse(&pixels(&out), &exact)
+    };
+    let default = ShadowHistorySettings::default();
+    let found = error(&default);
+    let plain = error(&ShadowHistorySettings { slack: 1e3, ..default });
+    println!("moved shadow after 4 frames: rmse {found:.4}, by plain accumulation {plain:.4}");
+    assert!(found < 0.03 && 5.0 * found < plain);
+}
+
+#[test]
+fn histories_of_shadows_are_sane() {
+    for size in SIZES {
+        let view = View::wall(size.0, size.1).spoilt();
+        let mut reprojection = Reprojection::new();
+        let mut history = ShadowHistory::new(isa());
+        let mut out = Plane::default();
+        for i in 0..4 {
+            let mut rng = Rng::new(i);
+            let share = spoil(fill(size, |_, _| rng.f32()));
+            let taps = reprojection.advance(&view.guides(), &SurfaceTests::default()).unwrap();
+            let settings = ShadowHistorySettings::default();
+            history.accumulate(&share, taps, &settings, &mut out).unwrap();
+            assert_sane(&pixels(&out));
+            assert!(pixels(&out).into_iter().all(|v| v <= 1.0));
+        }
+        // Another size begins anew.
+        let view = View::wall(20, 10);
+        let taps =
+            Reprojection::new().advance(&view.guides(), &SurfaceTests::default()).unwrap().clone();
+        let settings = ShadowHistorySettings::default();
+        history.accumulate(&fill((20, 10), |_, _| 0.25), &taps, &settings, &mut out).unwrap();
+        assert_near(&pixels(&out), 0.25, 0.0);
+        let result = history.accumulate(&fill((20, 9), |_, _| 0.25), &taps, &settings, &mut out);
+        assert!(matches!(result, Err(DenoiseError::Mismatch { .. })));
+    }
+    let edges = [0.0, 0.1, 0.3];
+    assert_same_everywhere(|isa| {
+        pixels(&accumulated(isa, &edges, &ShadowHistorySettings::default())[1])
+    });
 }
