@@ -1,5 +1,7 @@
 //! What can go wrong.
 
+use std::ops::RangeInclusive;
+
 use rayburst_image::ImageError;
 
 /// A failure of this crate.
@@ -33,3 +35,16 @@ pub enum DenoiseError {
 
 /// A result of this crate.
 pub type Result<T> = std::result::Result<T, DenoiseError>;
+
+/// Fails where a setting is not in its range, which is said in words, too.
+pub(crate) fn check(
+    name: &'static str,
+    value: f32,
+    range: RangeInclusive<f32>,
+    words: &'static str,
+) -> Result<()> {
+    if range.contains(&value) {
+        return Ok(());
+    }
+    Err(DenoiseError::Setting { name, value: f64::from(value), range: words })
+}
