@@ -20,6 +20,7 @@ mod slope;
 mod stack;
 mod svgf;
 mod temporal;
+mod temporal_kernel;
 mod variance;
 
 pub use asvgf::AdaptiveSvgf;
