@@ -84,7 +84,7 @@ pub fn bench_frames(
         bench: "frame",
         scene: name.to_owned(),
         triangles: triangles(scene),
-        denoiser: Some("none"),
+        denoiser: Some(options.settings.denoiser.name()),
         frames: Some(options.frames),
         repeats: options.repeats,
         threads: options.threads,

@@ -258,6 +258,18 @@ pub struct Band3<'a> {
 }
 
 impl Band3<'_> {
+    /// The first row's number in the planes.
+    #[inline]
+    pub fn top(&self) -> u32 {
+        self.channels[0].top()
+    }
+
+    /// Number of rows.
+    #[inline]
+    pub fn rows(&self) -> u32 {
+        self.channels[0].rows()
+    }
+
     /// The values of each channel from a pixel on to the end of its row, with the padding.
     #[inline]
     pub fn from_pixel_mut(&mut self, x: u32, y: u32) -> [&mut [f32]; 3] {

@@ -32,6 +32,9 @@ pub enum RenderError {
     /// The rasteriser.
     #[error(transparent)]
     Raster(#[from] rayburst_raster::RasterError),
+    /// A filter.
+    #[error(transparent)]
+    Denoise(#[from] rayburst_denoise::DenoiseError),
     /// The film or a file.
     #[error(transparent)]
     Image(#[from] ImageError),

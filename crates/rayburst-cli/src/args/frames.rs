@@ -1,6 +1,6 @@
 //! Options of frames in real time.
 
-use rayburst::render::realtime::{FrameSettings, Passes, Technique};
+use rayburst::render::realtime::{Denoiser, FrameSettings, Passes, Technique};
 
 use super::values;
 use crate::names;
@@ -17,6 +17,13 @@ pub(crate) struct FrameArgs {
     /// transparency, emission, ambient [default: all]
     #[arg(long, value_name = "LIST", value_parser = passes)]
     pub(crate) passes: Option<PassList>,
+    /// Filter of the light: none, atrous (each frame alone), svgf, asvgf (forgets where light changes),
+    /// effects (a filter for each effect); a picture is the last of its --spp frames
+    #[arg(long, value_name = "NAME", value_parser = denoiser)]
+    pub(crate) denoise: Option<Denoiser>,
+    /// Average frames along their motion: smooth edges, and pictures of --size whatever is rendered
+    #[arg(long)]
+    pub(crate) antialias: bool,
 }
 
 impl FrameArgs {
@@ -28,6 +35,8 @@ impl FrameArgs {
         if let Some(PassList(passes)) = self.passes {
             settings.passes = passes;
         }
+        settings.denoiser = self.denoise.unwrap_or(settings.denoiser);
+        settings.antialias |= self.antialias;
     }
 }
 
@@ -57,6 +66,10 @@ impl Effect {
             Self::AmbientOcclusion => &mut settings.ambient_occlusion,
         }
     }
+}
+
+fn denoiser(given: &str) -> Result<Denoiser, String> {
+    named("denoiser", &Denoiser::ALL, given)
 }
 
 /// How effects are made; those that are not named as usual.
@@ -142,9 +155,17 @@ mod tests {
     fn effects_have_techniques() {
         let list = techniques("gbuffer=rays, ambient-occlusion=auto").unwrap();
         let mut settings = FrameSettings { gbuffer: Technique::Raster, ..FrameSettings::default() };
-        let args = FrameArgs { techniques: Some(list), passes: None };
+        let args = FrameArgs {
+            techniques: Some(list),
+            denoise: Some(denoiser("asvgf").unwrap()),
+            antialias: true,
+            ..FrameArgs::default()
+        };
         args.apply(&mut settings);
+        assert!(denoiser("svfg").unwrap_err().contains("did you mean 'svgf'?"));
         let expected = FrameSettings {
+            denoiser: Denoiser::AdaptiveSvgf,
+            antialias: true,
             gbuffer: Technique::Rays,
             ambient_occlusion: Technique::Auto,
             ..FrameSettings::default()

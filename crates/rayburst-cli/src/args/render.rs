@@ -126,7 +126,7 @@ pub(crate) struct RenderArgs {
     #[command(flatten)]
     pub(crate) frame: FrameArgs,
     /// Size that is rendered, as a part of --size along each side, 0.5 to 1; the picture that is
-    /// written has that size
+    /// written has that size, or with --antialias the whole one
     #[arg(long, value_name = "S", value_parser = frames::render_scale,
           help_heading = "Frames (hybrid and realtime-path)")]
     pub(crate) render_scale: Option<f32>,

@@ -78,10 +78,11 @@ fn table(rows: &[Row], (width, height): (u32, u32)) -> String {
     let Some(first) = rows.first() else { return String::new() };
     let threads = if first.threads == 1 { "thread" } else { "threads" };
     let mut text = format!(
-        "{}, {width}x{height}, {}, render scale {}, {} {threads}\n  {:18} {:>9} {:>9} {:>9} {:>11}",
+        "{}, {width}x{height}, {}, render scale {}, {}{} {threads}\n  {:18} {:>9} {:>9} {:>9} {:>11}",
         short_name(&first.scene),
         first.mode.unwrap_or_default(),
         first.render_scale.unwrap_or(1.0),
+        first.denoiser.filter(|name| *name != "none").map_or(String::new(), |d| format!("{d}, ")),
         first.threads,
         "pass",
         "median",

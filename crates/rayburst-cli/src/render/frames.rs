@@ -9,7 +9,7 @@ use rayburst::{
     image::LayeredImage,
     render::{
         Outcome, Progress, RayCounts, StopReason,
-        realtime::{FrameLayer, FrameMode, FrameRenderer, FrameSettings, History},
+        realtime::{Denoiser, FrameLayer, FrameMode, FrameRenderer, FrameSettings, History},
     },
     scene::{Camera, FlatScene},
 };
@@ -139,7 +139,7 @@ impl<'a> Job<'a> {
         };
         writer.write(frame, || mean.picture(), layers)?;
         report.seconds.write += start.elapsed().as_secs_f64();
-        tell(frame, self.wanted.settings.render_size(), &outcome);
+        tell(frame, self.wanted.settings.picture_size(), &outcome);
         Ok(outcome.reason == StopReason::Complete && !interrupt::requested())
     }
 
@@ -150,9 +150,11 @@ impl<'a> Job<'a> {
         flat: &Arc<FlatScene>,
         camera: &Camera,
     ) -> Result<(Mean, Outcome)> {
-        let (width, height) = self.wanted.settings.render_size();
+        let settings = &self.wanted.settings;
+        let (width, height) = settings.picture_size();
         let layers = if self.plan.format == Format::Exr { &self.wanted.layers[..] } else { &[] };
-        let mut mean = Mean::new((width, height), layers);
+        let last = settings.denoiser != Denoiser::None || settings.antialias;
+        let mut mean = Mean::new((width, height), last, layers);
         let pixels = width as usize * height as usize;
         let prefix = self.plan.frame_label(frame);
         let bar = Bar::new(pixels, progress::Limits::default(), prefix);
@@ -196,7 +198,7 @@ impl<'a> Job<'a> {
     /// What the picture was made with, as attributes.
     fn note_settings(&self, image: &mut LayeredImage, samples: u32) {
         let settings = &self.wanted.settings;
-        let (width, height) = settings.render_size();
+        let (width, height) = settings.picture_size();
         let values = [
             ("size", format!("{width}x{height}")),
             ("integrator", settings.mode.name().to_owned()),
@@ -205,6 +207,8 @@ impl<'a> Job<'a> {
             ("sampler", format!("{:?}", settings.sampler)),
             ("texture_lod", format!("{:?}", settings.texture_lod)),
             ("render_scale", settings.render_scale.to_string()),
+            ("denoiser", settings.denoiser.name().to_owned()),
+            ("antialias", settings.antialias.to_string()),
             ("samples", samples.to_string()),
         ];
         let named = values.map(|(name, value)| (format!("rayburst.{name}"), value));

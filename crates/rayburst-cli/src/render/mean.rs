@@ -1,4 +1,4 @@
-//! The mean of several frames of one instant.
+//! The mean of several frames of one instant; the last of them where filters average.
 
 use rayburst::{
     glam::DVec3,
@@ -9,6 +9,8 @@ use rayburst::{
 /// Sums of frames.
 pub(super) struct Mean {
     size: (u32, u32),
+    /// Whether the picture is the last frame's.
+    last: bool,
     frames: u32,
     picture: Vec<DVec3>,
     layers: Vec<LayerSum>,
@@ -17,16 +19,23 @@ pub(super) struct Mean {
 /// A layer, and where its frames have a mean the sums of its channels.
 struct LayerSum {
     layer: FrameLayer,
+    /// Of the frames.
+    size: (u32, u32),
     first: Option<Layer>,
     sums: Vec<Vec<f64>>,
 }
 
 impl Mean {
     /// Nothing yet, of a size.
-    pub(super) fn new(size: (u32, u32), layers: &[FrameLayer]) -> Self {
+    pub(super) fn new(size: (u32, u32), last: bool, layers: &[FrameLayer]) -> Self {
         let pixels = size.0 as usize * size.1 as usize;
-        let layers = layers.iter().map(|&layer| LayerSum { layer, first: None, sums: Vec::new() });
-        Self { size, frames: 0, picture: vec![DVec3::ZERO; pixels], layers: layers.collect() }
+        let layers = layers.iter().map(|&layer| LayerSum {
+            layer,
+            size: (0, 0),
+            first: None,
+            sums: Vec::new(),
+        });
+        Self { size, last, frames: 0, picture: vec![DVec3::ZERO; pixels], layers: layers.collect() }
     }
 
     /// Frames so far.
@@ -41,7 +50,8 @@ impl Mean {
         for (sums, y) in self.picture.chunks_mut(width.max(1)).zip(0..) {
             let colours = r.row(y).iter().zip(g.row(y)).zip(b.row(y));
             for (sum, ((&r, &g), &b)) in sums.iter_mut().zip(colours) {
-                *sum += DVec3::new(r.into(), g.into(), b.into());
+                let before = if self.last { DVec3::ZERO } else { *sum };
+                *sum = before + DVec3::new(r.into(), g.into(), b.into());
             }
         }
         for sum in &mut self.layers {
@@ -52,19 +62,42 @@ impl Mean {
 
     /// The picture.
     pub(super) fn picture(&self) -> RgbImage {
-        let scale = 1.0 / f64::from(self.frames.max(1));
+        let scale = if self.last { 1.0 } else { 1.0 / f64::from(self.frames.max(1)) };
         let pixels = self.picture.iter().map(|sum| (*sum * scale).as_vec3()).collect();
         RgbImage { width: self.size.0, height: self.size.1, pixels }
     }
 
     /// The other layers.
     pub(super) fn layers(&self) -> impl Iterator<Item = Layer> {
-        self.layers.iter().filter_map(|sum| sum.finished(self.frames))
+        let stretched = |layer: Layer, from| match from == self.size {
+            true => layer,
+            false => stretch(layer, from, self.size),
+        };
+        let finished =
+            |sum: &LayerSum| sum.finished(self.frames).map(|layer| stretched(layer, sum.size));
+        self.layers.iter().filter_map(finished)
     }
+}
+
+/// A layer of another size, whose pixels take the values of those at the same place.
+fn stretch(mut layer: Layer, from: (u32, u32), to: (u32, u32)) -> Layer {
+    let place = |at: u32, from: u32, to: u32| {
+        (u64::from(at) * u64::from(from) / u64::from(to.max(1))) as usize
+    };
+    for channel in &mut layer.channels {
+        let row = |y: u32| {
+            let first = place(y, from.1, to.1) * from.0 as usize;
+            (0..to.0).map(move |x| first + place(x, from.0, to.0))
+        };
+        let values = (0..to.1).flat_map(row).map(|at| channel.values[at]).collect();
+        channel.values = values;
+    }
+    layer
 }
 
 impl LayerSum {
     fn add(&mut self, frame: &Frame<'_>) {
+        self.size = frame.gbuffer.size();
         let Some(first) = &self.first else {
             self.first = Some(self.layer.layer(frame));
             return;

@@ -58,7 +58,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let size = args.quality.size.or(loaded.size).unwrap_or(DEFAULT_SIZE);
     let written = match &wanted {
         Wanted::Progressive(_) => size,
-        Wanted::Frames(wanted) => FrameSettings { size, ..wanted.settings }.render_size(),
+        Wanted::Frames(wanted) => FrameSettings { size, ..wanted.settings }.picture_size(),
     };
     let developer = Developer::new(method.display(), &args.develop, loaded.scene.exposure);
     let mut writer = Writer::new(&plan, developer, written)?;

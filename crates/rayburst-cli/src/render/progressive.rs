@@ -3,7 +3,10 @@
 use std::{ops::ControlFlow, sync::Arc, time::Instant};
 
 use rayburst::{
-    render::{Aov, IntegratorKind, Limits, Outcome, RenderSettings, Renderer, StopReason},
+    render::{
+        Aov, IntegratorKind, Limits, Outcome, RenderSettings, Renderer, StopReason,
+        realtime::Denoiser,
+    },
     scene::{Camera, FlatScene},
 };
 
@@ -39,6 +42,8 @@ pub(super) fn settings(args: &RenderArgs, integrator: IntegratorKind) -> Result<
         ("--render-scale", args.render_scale.is_some()),
         ("--techniques", args.frame.techniques.is_some()),
         ("--passes", args.frame.passes.is_some()),
+        ("--denoise", args.frame.denoise.is_some_and(|denoiser| denoiser != Denoiser::None)),
+        ("--antialias", args.frame.antialias),
     ];
     if let Some((option, _)) = not_for.iter().find(|(_, given)| *given) {
         return Err(CliError::usage(format!(

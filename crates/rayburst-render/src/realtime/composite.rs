@@ -18,10 +18,27 @@ pub struct CompositeParameters {
     pub emission: bool,
 }
 
-/// Adds up the signals of a frame: colours times light, and what shines.
+/// The light of a frame without the surfaces' colours, as it comes from the passes or out of filters: of
+/// pairs of planes the first is broadly scattered, the second glossily.
+#[derive(Clone, Copy, Debug)]
+pub struct Lights<'a> {
+    /// Straight from lights.
+    pub direct: [&'a Plane3; 2],
+    /// Along sampled rays.
+    pub indirect: [&'a Plane3; 2],
+    /// Of polygon lights as if nothing were in between, if that is not part of `direct`.
+    pub analytic: Option<[&'a Plane3; 2]>,
+    /// The share of that which is not blocked.
+    pub shadow: &'a Plane,
+    /// The share of the hemisphere that is open.
+    pub ambient_occlusion: &'a Plane,
+}
+
+/// Adds up the light of a frame: colours times light, and what shines.
 pub fn composite(
     gbuffer: &GBuffer,
     signals: &Signals,
+    lights: &Lights<'_>,
     parameters: &CompositeParameters,
     picture: &mut Plane3,
 ) {
@@ -30,29 +47,33 @@ pub fn composite(
     bands.into_par_iter().enumerate().for_each(|(band, mut rows)| {
         let band = band as u32;
         for y in band * BAND..(band * BAND + BAND).min(height) {
-            let occlusion = signals.ambient_occlusion.row(y);
+            let occlusion = lights.ambient_occlusion.row(y);
             let out = rows.row_mut(y);
             for (channel, out) in out.into_iter().enumerate() {
                 let row = |plane| Plane3::channel_row(plane, channel, y);
                 let (broad, glossy) =
                     (row(&signals.diffuse_reflectance), row(&signals.specular_reflectance));
-                let lights = lights(signals, channel, y);
-                let analytic = [
-                    signals.analytic_diffuse.channel_row(channel, y),
-                    signals.analytic_specular.channel_row(channel, y),
-                ];
-                let shadow = signals.shadow.row(y);
+                let (direct, indirect) = (lights.direct.map(row), lights.indirect.map(row));
+                let shadow = lights.shadow.row(y);
                 let transparency = signals.transparency.channel_row(channel, y);
                 let emitted = gbuffer.emitted.channel_row(channel, y);
                 let ambient = parameters.ambient[channel];
                 let shown = if parameters.emission { 1.0 } else { 0.0 };
                 for x in 0..width as usize {
-                    let diffuse = lights[0][x] + lights[1][x] + analytic[0][x] * shadow[x];
-                    let specular = lights[2][x] + lights[3][x] + analytic[1][x] * shadow[x];
+                    let diffuse = direct[0][x] + indirect[0][x];
+                    let specular = direct[1][x] + indirect[1][x];
                     let scattered = broad[x].max(LEAST_REFLECTANCE) * diffuse
                         + glossy[x].max(LEAST_REFLECTANCE) * specular;
                     let around = broad[x] * ambient * occlusion[x];
                     out[x] = scattered + around + transparency[x] + shown * emitted[x];
+                }
+                let Some(analytic) = lights.analytic.map(|planes| planes.map(row)) else {
+                    continue;
+                };
+                for x in 0..width as usize {
+                    let scattered = broad[x].max(LEAST_REFLECTANCE) * analytic[0][x]
+                        + glossy[x].max(LEAST_REFLECTANCE) * analytic[1][x];
+                    out[x] += scattered * shadow[x];
                 }
             }
         }
@@ -61,7 +82,7 @@ pub fn composite(
 
 /// A row of one channel of all demodulated light: diffuse direct and indirect, specular direct and
 /// indirect.
-fn lights(signals: &Signals, channel: usize, y: u32) -> [&[f32]; 4] {
+fn all_light(signals: &Signals, channel: usize, y: u32) -> [&[f32]; 4] {
     [
         signals.direct_diffuse.channel_row(channel, y),
         signals.indirect_diffuse.channel_row(channel, y),
@@ -79,7 +100,7 @@ pub fn variance(signals: &Signals, out: &mut Plane) {
         into.resize(width, [0.0; 2]);
         let y = y.clamp(0, last) as u32;
         for (channel, weight) in [0.2126, 0.7152, 0.0722].into_iter().enumerate() {
-            let lights = lights(signals, channel, y);
+            let lights = all_light(signals, channel, y);
             for (x, value) in into.iter_mut().enumerate() {
                 let sum = lights[0][x] + lights[1][x] + lights[2][x] + lights[3][x];
                 value[0] += weight * sum;

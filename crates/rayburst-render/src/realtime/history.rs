@@ -6,7 +6,7 @@ use rayburst_image::Plane3;
 use rayburst_math::glam::{Vec2, Vec3};
 use rayburst_scene::FlatScene;
 
-use super::{indirect::Gathered, motion::is_same_scene, view::FrameView};
+use super::{filters::Filters, indirect::Gathered, motion::is_same_scene, view::FrameView};
 
 /// The frame before, for motion vectors and temporal filters; kept by whoever asks for frames. It begins
 /// anew where the size or the scene is another one, and at cuts, which the caller knows of.
@@ -15,8 +15,10 @@ pub struct History {
     number: u32,
     before: Option<(FrameView, Arc<FlatScene>)>,
     ambient: Vec3,
-    /// The picture of the frame before.
+    /// The picture of the frame before, at the size that is rendered.
     pub(crate) picture: Plane3,
+    /// The histories of filters.
+    pub(crate) filters: Filters,
 }
 
 /// Weight of a frame in the running mean of the ambient light, once there are many.

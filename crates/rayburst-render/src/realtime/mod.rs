@@ -6,7 +6,9 @@
 
 mod analytic;
 mod composite;
+mod demodulate;
 mod direct;
+mod filters;
 mod gbuffer;
 mod history;
 mod indirect;
@@ -30,13 +32,13 @@ mod technique;
 mod view;
 mod visibility;
 
-pub use composite::{CompositeParameters, composite, variance};
+pub use composite::{CompositeParameters, Lights, composite, variance};
 pub use gbuffer::{GBuffer, PixelKind};
 pub use history::History;
 pub use layers::{FrameLayer, Merge};
 pub use motion::Motion;
 pub use renderer::{Frame, FrameRenderer, PassReport};
-pub use settings::{FrameMode, FrameSettings, Passes, Quality, Technique};
+pub use settings::{Denoiser, FrameMode, FrameSettings, Passes, Quality, Technique};
 pub use signals::{LEAST_REFLECTANCE, Signals, guarded};
 pub use ssao::{ScreenOcclusion, screen_occlusion};
 pub use ssr::{

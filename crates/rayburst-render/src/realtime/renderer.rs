@@ -10,6 +10,7 @@ use super::{
     analytic::analytic_light,
     composite::{CompositeParameters, composite, variance},
     direct::direct_light,
+    filters::Filtering,
     gbuffer::GBuffer,
     history::History,
     indirect::{Gathered, gather_pixels, gather_quads, gather_specular},
@@ -19,7 +20,7 @@ use super::{
     pass::{FrameContext, isa_of, pixel_key},
     quads::{Found, Quads},
     screen_pass::{self, ScreenWork},
-    settings::{FrameMode, FrameSettings, Technique},
+    settings::{Denoiser, FrameMode, FrameSettings, Technique},
     shadow_map::ShadowMaps,
     signals::{Lobe, Signals},
     technique::Chooser,
@@ -27,6 +28,9 @@ use super::{
     visibility::{PrimaryRaster, rasterise, trace_primary},
 };
 use crate::{RayCounts, Result, integrators::ray_key};
+
+/// How far ambient occlusion reaches unless said otherwise, as a part of the scene's diagonal.
+const AO_REACH: f32 = 0.05;
 
 /// Of passes that trace nothing.
 const NO_RAYS: RayCounts = RayCounts { camera: 0, shadow: 0, indirect: 0 };
@@ -47,7 +51,7 @@ pub struct PassReport {
 /// A finished frame; its buffers are the renderer's until the next one.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<'a> {
-    /// Linear radiance at the size that is rendered.
+    /// Linear radiance, of [`FrameSettings::picture_size`].
     pub picture: &'a Plane3,
     /// What the eye rays met.
     pub gbuffer: &'a GBuffer,
@@ -75,6 +79,8 @@ pub struct FrameRenderer {
     signals: Signals,
     quads: Quads,
     picture: Plane3,
+    /// After antialiasing.
+    shown: Plane3,
     lights: Option<FrameLights>,
     tiles: Vec<TileLights>,
     passes: Vec<PassReport>,
@@ -101,6 +107,7 @@ impl FrameRenderer {
             signals: Signals::new(size)?,
             quads: Quads::new(size)?,
             picture: Plane3::new(size.0, size.1)?,
+            shown: Plane3::default(),
             lights: None,
             tiles: Vec::new(),
             passes: Vec::new(),
@@ -197,25 +204,59 @@ impl FrameRenderer {
             FrameMode::Hybrid if settings.passes.ambient => history.learn(&gathered),
             _ => Vec3::ZERO,
         };
-        self.timed("composite", None, |this| {
-            let mut out = std::mem::take(&mut this.signals.variance);
-            variance(&this.signals, &mut out);
-            this.signals.variance = out;
-            let emission = settings.passes.emission;
-            let parameters = CompositeParameters { ambient, emission };
-            composite(&this.gbuffer, &this.signals, &parameters, &mut this.picture);
-            ((), NO_RAYS)
-        });
+        let polygons = !lights.polygons.is_empty();
         self.lights = Some(lights);
         self.tiles = tiles;
+        self.finish(&view, scene, history, polygons, ambient)?;
         history.advance(view, scene, &self.picture);
         Ok(Frame {
-            picture: &self.picture,
+            picture: if settings.antialias { &self.shown } else { &self.picture },
             gbuffer: &self.gbuffer,
             signals: &self.signals,
             view,
             passes: &self.passes,
         })
+    }
+
+    /// Makes the picture of the signals.
+    fn finish(
+        &mut self,
+        view: &FrameView,
+        scene: &FlatScene,
+        history: &mut History,
+        polygons: bool,
+        ambient: Vec3,
+    ) -> Result<()> {
+        let (settings, isa) = (self.settings, isa_of(scene));
+        let Self { gbuffer, signals, picture, shown, passes, .. } = self;
+        let mut note = |name: &'static str, start: Instant| {
+            let seconds = start.elapsed().as_secs_f64();
+            passes.push(PassReport { name, technique: None, seconds, rays: NO_RAYS });
+        };
+        let start = Instant::now();
+        let mut out = std::mem::take(&mut signals.variance);
+        variance(signals, &mut out);
+        signals.variance = out;
+        note("variance", start);
+
+        let start = Instant::now();
+        let reach = settings.ao_radius.unwrap_or(AO_REACH * diagonal(scene));
+        let filtering = Filtering { gbuffer, signals, settings: &settings, view, polygons, reach };
+        let lights = history.filters.lights(isa, &filtering)?;
+        if settings.denoiser != Denoiser::None {
+            note(settings.denoiser.name(), start);
+        }
+        let start = Instant::now();
+        let parameters = CompositeParameters { ambient, emission: settings.passes.emission };
+        composite(gbuffer, signals, &lights, &parameters, picture);
+        note("composite", start);
+
+        if settings.antialias {
+            let start = Instant::now();
+            history.filters.show(isa, &filtering, picture, shown)?;
+            note("antialias", start);
+        }
+        Ok(())
     }
 
     /// Runs a pass and notes what it took; the pass gives its result and its rays.
@@ -312,7 +353,7 @@ impl FrameRenderer {
             });
         }
         if passes.ambient_occlusion {
-            let radius = context.settings.ao_radius.unwrap_or(0.05 * diagonal(context.scene));
+            let radius = context.settings.ao_radius.unwrap_or(AO_REACH * diagonal(context.scene));
             let chooser = self.choosers.occlusion;
             let technique = chooser.choose(context.settings.ambient_occlusion, quality, false);
             found.occlusion = technique == Technique::Rays;

@@ -59,6 +59,38 @@ pub enum Quality {
     Fast,
 }
 
+/// How the light of frames is filtered.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Denoiser {
+    /// Not at all.
+    #[default]
+    None,
+    /// The edge-avoiding wavelet transform of each frame alone (Dammertz et al. 2010).
+    Atrous,
+    /// Spatiotemporal variance-guided filtering of direct and indirect light (Schied et al. 2017).
+    Svgf,
+    /// The same that forgets where light has changed (Schied et al. 2018).
+    AdaptiveSvgf,
+    /// A filter for each effect.
+    Effects,
+}
+
+impl Denoiser {
+    /// All of them with the names that users type.
+    pub const ALL: [(&'static str, Self); 5] = [
+        ("none", Self::None),
+        ("atrous", Self::Atrous),
+        ("svgf", Self::Svgf),
+        ("asvgf", Self::AdaptiveSvgf),
+        ("effects", Self::Effects),
+    ];
+
+    /// The name that users type.
+    pub fn name(self) -> &'static str {
+        Self::ALL.iter().find(|(_, denoiser)| *denoiser == self).map_or("", |(name, _)| name)
+    }
+}
+
 /// Settings of a [`super::FrameRenderer`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameSettings {
@@ -98,6 +130,11 @@ pub struct FrameSettings {
     /// Pixels along the side of the blocks that repeat the same directions, so that rays of a direction
     /// can be traced together (interleaved sampling: Keller, Heidrich, 2001); 1 is none.
     pub interleave: u32,
+    /// How the light is filtered.
+    pub denoiser: Denoiser,
+    /// Whether frames are averaged along their motion, which takes away edges of stairs and gives the
+    /// picture the size `size` whatever the size that is rendered; wants `jitter`.
+    pub antialias: bool,
 }
 
 /// Passes that can be left out.
@@ -155,6 +192,8 @@ impl Default for FrameSettings {
             passes: Passes::ALL,
             ao_radius: None,
             interleave: 1,
+            denoiser: Denoiser::None,
+            antialias: false,
         }
     }
 }
@@ -164,6 +203,11 @@ impl FrameSettings {
     pub fn render_size(&self) -> (u32, u32) {
         let scaled = |side: u32| ((side as f32 * self.render_scale).round() as u32).max(1);
         (scaled(self.size.0), scaled(self.size.1))
+    }
+
+    /// The size of the finished picture: `size` with antialiasing, else the one that is rendered.
+    pub fn picture_size(&self) -> (u32, u32) {
+        if self.antialias { self.size } else { self.render_size() }
     }
 
     /// What shading needs to know.

@@ -9,6 +9,7 @@ use rayburst_image::{Plane, Plane3};
 use rayburst_math::glam::Vec3;
 use rayon::prelude::*;
 
+use super::composite::Lights;
 use crate::Result;
 
 /// Albedos are taken to be at least this when light is divided by them.
@@ -92,6 +93,17 @@ impl Signals {
             occluder_distance: plane()?,
             variance: plane()?,
         })
+    }
+
+    /// The light of the passes, unfiltered.
+    pub fn lights(&self) -> Lights<'_> {
+        Lights {
+            direct: [&self.direct_diffuse, &self.direct_specular],
+            indirect: [&self.indirect_diffuse, &self.indirect_specular],
+            analytic: Some([&self.analytic_diffuse, &self.analytic_specular]),
+            shadow: &self.shadow,
+            ambient_occlusion: &self.ambient_occlusion,
+        }
     }
 
     /// Everything to what it is without any pass.

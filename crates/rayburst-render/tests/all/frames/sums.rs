@@ -101,7 +101,8 @@ fn signals_times_colours_are_the_picture() {
     let mut again = frame.picture.clone();
     again.fill(Vec3::ONE);
     let parameters = CompositeParameters { ambient: Vec3::ZERO, emission: true };
-    composite(frame.gbuffer, frame.signals, &parameters, &mut again);
+    let lights = frame.signals.lights();
+    composite(frame.gbuffer, frame.signals, &lights, &parameters, &mut again);
     assert_eq!(again.to_image(), frame.picture.to_image());
     let (width, height) = frame.picture.size();
     let mut lit = 0;
