@@ -19,6 +19,14 @@ pub(crate) struct Texels {
     values: Vec<Texel>,
 }
 
+/// The nearest of so many places. Written out: what is not inlined here is compiled for the baseline.
+#[inline(always)]
+fn within(place: i32, count: usize) -> usize {
+    let last = count as i32 - 1;
+    let place = if place < last { place } else { last };
+    if place > 0 { place as usize } else { 0 }
+}
+
 /// The weights of four texels in a row, at a fraction between the second and the third: cubic
 /// interpolation (Catmull, Rom: "A Class of Local Interpolating Splines", 1974).
 #[inline(always)]
@@ -62,8 +70,7 @@ impl Texels {
     /// The nearest texel of the picture.
     #[inline(always)]
     pub(crate) fn near(&self, x: i32, y: i32) -> Texel {
-        let x = x.clamp(0, self.width as i32 - 1) as usize;
-        let y = y.clamp(0, self.height as i32 - 1) as usize;
+        let (x, y) = (within(x, self.width), within(y, self.height));
         self.values[y * self.width + x]
     }
 

@@ -229,6 +229,7 @@ impl Kernel for Pack<'_> {
         let (width, height) = (self.frame.colour().width(), self.frame.colour().height());
         let stride = width + 3;
         let [colours, means, deviations] = self.out;
+        let (mut mean, mut deviation) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
         for row in 0..colours.len() / stride {
             let y = self.top + row;
             if y == 0 || y > height {
@@ -237,8 +238,8 @@ impl Kernel for Pack<'_> {
             let y = y - 1;
             for x in (0..width).step_by(LANES) {
                 let at = MARGIN + x;
-                let [mean, deviation] = self.frame.statistics(y, at);
-                let motion = self.frame.motion(y, at);
+                self.frame.statistics(y, at, &mut mean, &mut deviation);
+                let nearest = self.frame.nearest(y, at);
                 let mut own = [[0.0; LANES]; 3];
                 for c in 0..3 {
                     own[c] = load(self.frame.colour().row(y, c), at);
@@ -253,9 +254,9 @@ impl Kernel for Pack<'_> {
                 let start = row * stride + x + 1;
                 for i in 0..LANES.min(width - x) {
                     colours[start + i] = [own[0][i], own[1][i], own[2][i], found[i]];
-                    means[start + i] = [mean[0][i], mean[1][i], mean[2][i], motion[0][i]];
-                    deviations[start + i] =
-                        [deviation[0][i], deviation[1][i], deviation[2][i], motion[1][i]];
+                    let [mx, my] = self.frame.motion(nearest[i], y, at + i);
+                    means[start + i] = [mean[0][i], mean[1][i], mean[2][i], mx];
+                    deviations[start + i] = [deviation[0][i], deviation[1][i], deviation[2][i], my];
                 }
             }
         }
@@ -281,9 +282,12 @@ impl Kernel for Resolve<'_> {
     fn run<I: Isa>(self, _: I) {
         let width = self.before.width();
         let stride = self.out[0].len() / (self.now.len() / width);
+        let mut gathered = Blended::EMPTY;
+        let mut blended = [[0.0; LANES]; 4];
         for row in 0..self.now.len() / width {
             for x in (0..width).step_by(LANES) {
-                let blended = self.gather(self.top + row, x).blend(&self.blend);
+                self.gather(self.top + row, x, &mut gathered);
+                gathered.blend(&self.blend, &mut blended);
                 let mut colour = [[0.0; LANES]; 3];
                 for i in 0..LANES {
                     let rgb = from_ycocg([blended[0][i], blended[1][i], blended[2][i]]);
@@ -306,8 +310,10 @@ impl Kernel for Resolve<'_> {
 impl Resolve<'_> {
     /// What is known of sixteen output pixels.
     #[inline(always)]
-    fn gather(&self, y: usize, x: usize) -> Blended {
-        let mut blended = Blended::EMPTY;
+    fn gather(&self, y: usize, x: usize, blended: &mut Blended) {
+        for c in 0..4 {
+            blended.history[c] = [0.0; LANES];
+        }
         let mut wide = [[0.0; LANES]; 3];
         let down = &self.rows[y];
         let width = self.before.width();
@@ -356,6 +362,5 @@ impl Resolve<'_> {
             }
             blended.history[3][i] = weight + missing;
         }
-        blended
     }
 }
