@@ -168,20 +168,24 @@ pub(crate) fn filter_level<const N: usize>(
     plain: bool,
 ) {
     let step = 1 << level;
-    let taps = Taps::new(stopping.kernel.weights(), step);
-    let (length, margin, stride) = (to.band_len(BAND), to.margin(), to.stride());
-    let width = to.size().0 as usize;
+    let normal = stopping.normal * std::f32::consts::LOG2_E;
+    let taps = Taps::new(stopping.kernel.weights(), normal);
+    let (margin, stride) = (to.margin(), to.stride());
+    let (width, height) = (to.size().0 as usize, to.size().1 as usize);
+    // Of rows that read the same rows, a thread should have many, and every thread some bands.
+    let band = height.div_ceil(4 * rayon::current_num_threads()).clamp(BAND, BAND * step);
+    let length = to.band_len(band);
     let luminance = if plain { stopping.luminance / step as f32 } else { stopping.luminance };
-    to.values_mut().par_chunks_mut(length).enumerate().for_each(|(band, rows)| {
+    to.values_mut().par_chunks_mut(length).enumerate().for_each(|(index, rows)| {
         isa.dispatch(LevelKernel::<N> {
             geometry,
             from,
             to: rows,
-            top: band * BAND,
+            top: index * band,
             step,
             taps: &taps,
             depth: stopping.depth,
-            normal: stopping.normal * std::f32::consts::LOG2_E,
+            normal,
             luminance,
             plain,
         });

@@ -5,7 +5,7 @@ use std::f32::consts::LOG2_E;
 use rayburst_simd::{Isa, Kernel};
 
 use crate::{
-    approximate::{exp2, reciprocal},
+    approximate::{exp2, fused, reciprocal},
     geometry::{DEPTH, LEAST_SLOPE, NORMAL, OBJECT, SLOPE},
     stack::{BLOCK, Lanes, Stack, lanes},
 };
@@ -21,7 +21,7 @@ pub(crate) const WEIGHTS: [f32; 3] = [0.2126, 0.7152, 0.0722];
 /// Differences of luminance that are tolerated without any variance, as a share of the luminance.
 const LEAST_DEVIATION: f32 = 1e-3;
 
-/// Offsets between pixels that are not multiples of each other.
+/// Offsets of taps that are not multiples of each other.
 const DIRECTIONS: [[f32; 2]; 8] = [
     [1.0, 0.0],
     [0.0, 1.0],
@@ -32,22 +32,18 @@ const DIRECTIONS: [[f32; 2]; 8] = [
     [1.0, 2.0],
     [1.0, -2.0],
 ];
+/// Of these there are taps at twice the distance, too.
+const DOUBLED: usize = 4;
 /// For a tap's offset from −2 to 2 in either direction, row by row: the index of the direction in
-/// [`DIRECTIONS`], and how many times that one it is.
-const OFFSETS: [[(usize, f32); 5]; 5] = [
-    [(2, 2.0), (6, 1.0), (1, 2.0), (7, 1.0), (3, 2.0)],
-    [(4, 1.0), (2, 1.0), (1, 1.0), (3, 1.0), (5, 1.0)],
-    [(0, 2.0), (0, 1.0), (0, 1.0), (0, 1.0), (0, 2.0)],
-    [(5, 1.0), (3, 1.0), (1, 1.0), (2, 1.0), (4, 1.0)],
-    [(3, 2.0), (7, 1.0), (1, 2.0), (6, 1.0), (2, 2.0)],
-];
+/// [`DIRECTIONS`], or 8 more than that if it is twice as far away.
+const OFFSETS: [[usize; 5]; 5] =
+    [[10, 6, 9, 7, 11], [4, 2, 1, 3, 5], [8, 0, 0, 0, 8], [5, 3, 1, 2, 4], [11, 7, 9, 6, 10]];
 
 /// What the taps of a kernel have in common wherever it is.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Taps {
-    /// By row and column: the direction in [`DIRECTIONS`], one over the distance in units of
-    /// it, the logarithm of the weight.
-    taps: [[(usize, f32, f32); 5]; 5],
+    /// By row and column: the logarithm of the weight, less the sharpness of normals.
+    bases: [[f32; 5]; 5],
     /// The weight of the centre.
     centre: f32,
     /// Rows and columns to every side.
@@ -56,18 +52,17 @@ pub(crate) struct Taps {
 
 impl Taps {
     /// Of a kernel that is the product of a row and a column with these weights by distance from the centre,
-    /// and `step` pixels from tap to tap.
-    pub(crate) fn new(weights: [f32; 3], step: usize) -> Self {
+    /// and normals told apart so sharply.
+    pub(crate) fn new(weights: [f32; 3], normal: f32) -> Self {
         let radius = if weights[2] > 0.0 { 2 } else { 1 };
-        let mut taps = [[(0, 0.0, 0.0); 5]; 5];
+        let mut bases = [[0.0; 5]; 5];
         for row in 0..5usize {
             for column in 0..5usize {
                 let weight = weights[row.abs_diff(2)] * weights[column.abs_diff(2)];
-                let (direction, times) = OFFSETS[row][column];
-                taps[row][column] = (direction, 1.0 / (times * step as f32), weight.log2());
+                bases[row][column] = weight.log2() - normal;
             }
         }
-        Self { taps, centre: weights[0] * weights[0], radius }
+        Self { bases, centre: weights[0] * weights[0], radius }
     }
 }
 
@@ -120,35 +115,56 @@ impl<const N: usize> Kernel for LevelKernel<'_, N> {
     type Output = ();
 
     #[inline(always)]
-    fn run<I: Isa>(mut self, _: I) {
+    fn run<I: Isa>(mut self, isa: I) {
         let Self { geometry, from, top, step, .. } = self;
         let length = from.channels() * from.stride();
-        let (width, height) = from.size();
+        let (width, height) = (from.size().0 as usize, from.size().1 as usize);
         let to = std::mem::take(&mut self.to);
-        for (y, to) in (top..).zip(to.chunks_exact_mut(length)) {
-            // Rows outside the picture have no weight; they stand for the centre's.
-            let mut rows = [Row { shape: &[], values: &[] }; 5];
-            for i in 0..5 {
-                let row = (y + i * step).wrapping_sub(2 * step);
-                if row < height as usize {
-                    let row = row as u32;
-                    rows[i] = Row { shape: geometry.rows(row), values: from.rows(row) };
+        let count = to.len() / length;
+        // Rows that read the same rows follow each other.
+        for first in 0..step.min(count) {
+            for index in (first..count).step_by(step) {
+                let y = top + index;
+                let mut rows = [Row { shape: &[], values: &[] }; 5];
+                for i in 0..5 {
+                    let row = (y + i * step).wrapping_sub(2 * step);
+                    if row < height {
+                        let row = row as u32;
+                        rows[i] = Row { shape: geometry.rows(row), values: from.rows(row) };
+                    }
                 }
-            }
-            let near = [
-                from.rows((y as u32).saturating_sub(1)),
-                from.rows((y as u32 + 1).min(height - 1)),
-            ];
-            for x in (0..width as usize).step_by(BLOCK) {
-                self.block(&rows, near, x, to);
+                let near = [
+                    from.rows((y as u32).saturating_sub(1)),
+                    from.rows((y + 1).min(height - 1) as u32),
+                ];
+                let coming = (y + 3 * step).min(height - 1) as u32;
+                let coming = Row { shape: geometry.rows(coming), values: from.rows(coming) };
+                let to = &mut to[index * length..][..length];
+                for x in (0..width).step_by(BLOCK) {
+                    self.prefetch(isa, &coming, x);
+                    self.block::<I>(&rows, near, x, to);
+                }
             }
         }
     }
 }
 
 impl<const N: usize> LevelKernel<'_, N> {
+    /// Asks for a block of a row that the next row will read.
     #[inline(always)]
-    fn block(&self, rows: &[Row<'_>; 5], near: [&[f32]; 2], x: usize, to: &mut [f32]) {
+    fn prefetch<I: Isa>(&self, isa: I, row: &Row<'_>, x: usize) {
+        for c in 0..SLOPE {
+            let at = c * self.geometry.stride() + self.geometry.margin() + x;
+            isa.prefetch(row.shape.as_ptr().wrapping_add(at));
+        }
+        for c in 0..N * SIGNAL {
+            let at = c * self.from.stride() + self.from.margin() + x;
+            isa.prefetch(row.values.as_ptr().wrapping_add(at));
+        }
+    }
+
+    #[inline(always)]
+    fn block<I: Isa>(&self, rows: &[Row<'_>; 5], near: [&[f32]; 2], x: usize, to: &mut [f32]) {
         let (shape_stride, stride) = (self.geometry.stride(), self.from.stride());
         let (shape_at, at) = (self.geometry.margin() + x, self.from.margin() + x);
         let centre = self.centre(&rows[2], near, x);
@@ -187,9 +203,8 @@ impl<const N: usize> LevelKernel<'_, N> {
                 if row == 2 && column == radius {
                     continue;
                 }
-                let (direction, nearness, weight) = self.taps.taps[row][column + 2 - radius];
-                let tolerance = &tolerances[direction];
-                let base = weight - self.normal;
+                let base = self.taps.bases[row][column + 2 - radius];
+                let tolerance = &tolerances[OFFSETS[row][column + 2 - radius]];
                 let shape = blocks(&shapes, column * step);
                 let [depth, nx, ny, nz, object] = shape;
                 let mut values = [[depth; SIGNAL]; N];
@@ -200,20 +215,21 @@ impl<const N: usize> LevelKernel<'_, N> {
                     let cosine = nx[i] * centre.normal[0][i]
                         + ny[i] * centre.normal[1][i]
                         + nz[i] * centre.normal[2][i];
-                    let apart = (depth[i] - centre.depth[i]).abs() * (tolerance[i] * nearness);
+                    let apart = (depth[i] - centre.depth[i]).abs() * tolerance[i];
                     let alike = (base - apart) + cosine;
                     let same = object[i].to_bits() == centre.object[i].to_bits();
                     let alike = if same { alike } else { -1e30 };
                     for s in 0..N {
                         let [red, green, blue, luminance, variance] = values[s];
-                        let apart =
-                            (luminance[i] - centre.luminance[s][i]).abs() * centre.scale[s][i];
-                        let weight = exp2(alike - apart);
-                        sums[s][0][i] += weight * red[i];
-                        sums[s][1][i] += weight * green[i];
-                        sums[s][2][i] += weight * blue[i];
+                        let apart = (luminance[i] - centre.luminance[s][i]).abs();
+                        let weight = exp2::<I>(fused::<I>(apart, -centre.scale[s][i], alike));
+                        sums[s][0][i] = fused::<I>(weight, red[i], sums[s][0][i]);
+                        sums[s][1][i] = fused::<I>(weight, green[i], sums[s][1][i]);
+                        sums[s][2][i] = fused::<I>(weight, blue[i], sums[s][2][i]);
                         sums[s][LUMINANCE][i] += weight;
-                        sums[s][VARIANCE][i] += (weight * weight) * variance[i];
+                        let squared = weight * weight;
+                        sums[s][VARIANCE][i] =
+                            fused::<I>(squared, variance[i], sums[s][VARIANCE][i]);
                     }
                 }
             }
@@ -236,17 +252,26 @@ impl<const N: usize> LevelKernel<'_, N> {
         }
     }
 
-    /// For every direction one over the difference of depth that is tolerated, times the logarithm of e.
+    /// For every direction, and those that are doubled, one over the difference of depth that is tolerated,
+    /// times the logarithm of e.
     #[inline(always)]
-    fn tolerances(&self, row: &Row<'_>, depth: &Lanes, at: usize) -> [Lanes; 8] {
+    fn tolerances(&self, row: &Row<'_>, depth: &Lanes, at: usize) -> [Lanes; 8 + DOUBLED] {
         let stride = self.geometry.stride();
         let across = lanes(row.shape, SLOPE * stride + at);
         let down = lanes(row.shape, (SLOPE + 1) * stride + at);
-        let mut tolerances = [[0.0; BLOCK]; 8];
-        for (tolerance, [dx, dy]) in tolerances.iter_mut().zip(DIRECTIONS) {
+        let mut tolerances = [[0.0; BLOCK]; 8 + DOUBLED];
+        let scale = LOG2_E / self.step as f32;
+        for direction in 0..8 {
+            let [dx, dy] = DIRECTIONS[direction];
             for i in 0..BLOCK {
                 let change = (across[i] * dx + down[i] * dy).abs() + LEAST_SLOPE * depth[i].abs();
-                tolerance[i] = LOG2_E * reciprocal((self.depth * change).max(1e-18));
+                let inverse = scale * reciprocal((self.depth * change).max(1e-18));
+                tolerances[direction][i] = inverse;
+            }
+        }
+        for direction in 0..DOUBLED {
+            for i in 0..BLOCK {
+                tolerances[8 + direction][i] = 0.5 * tolerances[direction][i];
             }
         }
         tolerances

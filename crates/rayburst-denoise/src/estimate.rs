@@ -71,7 +71,7 @@ impl<const N: usize> Kernel for Estimate<'_, N> {
         for (y, rows) in (self.top..).zip(rows.chunks_mut(N * SIGNAL * self.stride)) {
             for x in (0..width).step_by(BLOCK) {
                 for s in 0..N {
-                    let block = self.block(self.histories[s], x, y);
+                    let block = self.block::<I>(self.histories[s], x, y);
                     for c in 0..SIGNAL {
                         rows[(s * SIGNAL + c) * self.stride + self.margin + x..][..BLOCK]
                             .copy_from_slice(&block[c]);
@@ -84,7 +84,7 @@ impl<const N: usize> Kernel for Estimate<'_, N> {
 
 impl<const N: usize> Estimate<'_, N> {
     #[inline(always)]
-    fn block(&self, history: &Stack, x: usize, y: usize) -> [Lanes; SIGNAL] {
+    fn block<I: Isa>(&self, history: &Stack, x: usize, y: usize) -> [Lanes; SIGNAL] {
         let row = history.rows(y as u32);
         let channel = |c: usize| lanes(row, c * history.stride() + history.margin() + x);
         let (red, green, blue) = (channel(0), channel(1), channel(2));
@@ -94,7 +94,8 @@ impl<const N: usize> Estimate<'_, N> {
         for i in 0..(width - x).min(BLOCK) {
             fewest = fewest.min(frames[i]);
         }
-        let around = if fewest < self.shortest { self.around(history, x, y) } else { *variance };
+        let around =
+            if fewest < self.shortest { self.around::<I>(history, x, y) } else { *variance };
         let mut out = [[0.0; BLOCK]; SIGNAL];
         for i in 0..BLOCK {
             let colour = [red[i].max(0.0), green[i].max(0.0), blue[i].max(0.0)];
@@ -110,7 +111,7 @@ impl<const N: usize> Estimate<'_, N> {
 
     /// The variance of all samples on the surface around.
     #[inline(always)]
-    fn around(&self, history: &Stack, x: usize, y: usize) -> Lanes {
+    fn around<I: Isa>(&self, history: &Stack, x: usize, y: usize) -> Lanes {
         let shape = |row: u32, channel: usize, offset: isize| {
             let at = channel * self.geometry.stride() + self.geometry.margin() + x;
             lanes(self.geometry.rows(row), at.wrapping_add_signed(offset))
@@ -147,7 +148,7 @@ impl<const N: usize> Estimate<'_, N> {
                     let cosine = nx[i] * tx[i] + ny[i] * ty[i] + nz[i] * tz[i];
                     let alike = -apart * std::f32::consts::LOG2_E + self.normal * (cosine - 1.0);
                     let same = object[i].to_bits() == tap_object[i].to_bits();
-                    let weight = if same { exp2(alike) } else { 0.0 };
+                    let weight = if same { exp2::<I>(alike) } else { 0.0 };
                     let weight = if is_centre { 1.0 } else { weight };
                     // Means are measured from the one in the centre, so that squares do not cancel.
                     let offset = tap_mean[i] - mean[i];

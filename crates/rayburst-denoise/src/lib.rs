@@ -34,6 +34,7 @@ mod surfaces;
 mod svgf;
 mod taa;
 mod temporal;
+mod temporal_kernel;
 mod texels;
 mod upscale;
 mod variance;

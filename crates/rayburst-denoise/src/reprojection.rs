@@ -203,8 +203,8 @@ fn find(
     let (width, height) = before.size();
     let index = before.index(x, y);
     let surface = Surface::at(guides, index);
-    let px = x as f32 + guides.motion[0].at(index);
-    let py = y as f32 + guides.motion[1].at(index);
+    let px = snap(x as f32 + guides.motion[0].at(index));
+    let py = snap(y as f32 + guides.motion[1].at(index));
     // False for NaN, too.
     let inside = px >= -0.5 && px <= width as f32 - 0.5 && py >= -0.5 && py <= height as f32 - 0.5;
     if !inside {
@@ -264,6 +264,13 @@ fn single(x: u32, y: u32, (width, height): (u32, u32)) -> Taps {
     let mut weights = [0.0; 4];
     weights[(x - left + 2 * (y - top)) as usize] = 1.0;
     Taps { x: left, y: top, weights }
+}
+
+/// Rounds to the next 256th, so that a point which should be in the middle of a pixel is, whatever the motion's
+/// rounding: neighbours then have their taps side by side. Coarser beyond 16384.
+#[inline(always)]
+fn snap(x: f32) -> f32 {
+    (x + 49_152.0) - 49_152.0
 }
 
 /// One at zero, falling to zero at one.

@@ -90,7 +90,7 @@ impl<const N: usize> Svgf<N> {
         Self {
             isa,
             reprojection: Reprojection::new(),
-            histories: std::array::from_fn(|_| Temporal::new()),
+            histories: std::array::from_fn(|_| Temporal::with_isa(isa)),
             geometry: Stack::default(),
             signals: Default::default(),
             variance: Stack::default(),

@@ -5,6 +5,7 @@
 //! Variance-Guided Filtering", HPG 2017, section 4.1).
 
 use rayburst_image::Plane;
+use rayburst_simd::IsaLevel;
 use rayon::prelude::*;
 
 use crate::{
@@ -12,7 +13,7 @@ use crate::{
     error::check,
     reprojection::{Taps, same_size},
     stack::{BAND, BLOCK, Stack},
-    variance::blend_variance,
+    temporal_kernel::Accumulate,
 };
 
 /// Finite samples are clamped to this magnitude, so that squares and sums of them stay finite.
@@ -47,8 +48,9 @@ impl Accumulation {
 
 /// A history of C planes (a colour's channels, say), of the mean and the variance of a measure of them (its
 /// luminance), and of how many frames it counts for.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Temporal<const C: usize> {
+    isa: IsaLevel,
     /// C channels, then mean and variance of the measure and the length. Always finite.
     now: Stack,
     before: Stack,
@@ -59,9 +61,14 @@ impl<const C: usize> Temporal<C> {
     pub(crate) const VARIANCE: usize = C + 1;
     pub(crate) const LENGTH: usize = C + 2;
 
-    /// Without a history.
+    /// Without a history, for the best instruction set.
     pub fn new() -> Self {
-        Self::default()
+        Self::with_isa(IsaLevel::detect())
+    }
+
+    /// Without a history, for an instruction set.
+    pub fn with_isa(isa: IsaLevel) -> Self {
+        Self { isa, now: Stack::default(), before: Stack::default() }
     }
 
     /// Forgets the history.
@@ -96,29 +103,19 @@ impl<const C: usize> Temporal<C> {
             self.now = self.before.clone();
         }
         std::mem::swap(&mut self.now, &mut self.before);
-        let (before, width) = (&self.before, size.0 as usize);
-        let (margin, stride, length) = (self.now.margin(), self.now.stride(), self.now.band_len(1));
-        let bands = self.now.values_mut().par_chunks_mut(length * BAND);
-        bands.enumerate().for_each(|(band, rows)| {
-            for (y, row) in (band * BAND..).zip(rows.chunks_mut(length)) {
-                let index = y * taps.stride();
-                let taps = &taps.values()[index..index + width];
-                for (x, taps) in taps.iter().enumerate() {
-                    let mut sample = [0.0; C];
-                    for (value, plane) in sample.iter_mut().zip(samples) {
-                        *value = plane.at(index + x);
-                    }
-                    let change = change.map_or(0.0, |plane| plane.at(index + x));
-                    let pixel =
-                        Pixel::before(before, taps, change).accumulate(sample, measure, settings);
-                    for (channel, value) in pixel.values.into_iter().enumerate() {
-                        row[channel * stride + margin + x] = value;
-                    }
-                    row[Self::MEAN * stride + margin + x] = pixel.mean;
-                    row[Self::VARIANCE * stride + margin + x] = pixel.variance;
-                    row[Self::LENGTH * stride + margin + x] = pixel.length;
-                }
-            }
+        let (isa, before, length) = (self.isa, &self.before, self.now.band_len(BAND));
+        self.now.values_mut().par_chunks_mut(length).enumerate().for_each(|(band, rows)| {
+            let top = band * BAND;
+            isa.dispatch(Accumulate {
+                taps,
+                samples,
+                measure,
+                change,
+                settings,
+                before,
+                top,
+                rows,
+            });
         });
         Ok(())
     }
@@ -159,55 +156,8 @@ impl<const C: usize> Temporal<C> {
     }
 }
 
-/// The state of a pixel.
-struct Pixel<const C: usize> {
-    values: [f32; C],
-    mean: f32,
-    variance: f32,
-    length: f32,
-    /// How much of it is no longer true.
-    change: f32,
-}
-
-impl<const C: usize> Pixel<C> {
-    /// What the frame before knew.
-    #[inline(always)]
-    fn before(stack: &Stack, taps: &Taps, change: f32) -> Self {
-        let mut pixel = Self { values: [0.0; C], mean: 0.0, variance: 0.0, length: 0.0, change };
-        // Where it is NaN nothing is known.
-        pixel.change = if change.is_nan() { 1.0 } else { change.clamp(0.0, 1.0) };
-        if taps.is_some() {
-            for (channel, value) in pixel.values.iter_mut().enumerate() {
-                *value = taps.of_channel(stack, channel);
-            }
-            pixel.mean = taps.of_channel(stack, Temporal::<C>::MEAN);
-            pixel.variance = taps.of_channel(stack, Temporal::<C>::VARIANCE);
-            pixel.length = (1.0 - pixel.change) * taps.of_channel(stack, Temporal::<C>::LENGTH);
-        }
-        pixel
-    }
-
-    #[inline(always)]
-    fn accumulate(mut self, sample: [f32; C], measure: [f32; C], settings: &Accumulation) -> Self {
-        let mut sum = 0.0;
-        let mut finite = true;
-        for channel in 0..C {
-            let value = sample[channel];
-            finite &= value.is_finite();
-            sum += measure[channel] * value.clamp(-LARGEST, LARGEST);
-        }
-        if !finite {
-            return self;
-        }
-        self.length = (self.length + 1.0).min(settings.longest);
-        let least = 1.0 / self.length;
-        let weight = |alpha: f32| (alpha + (1.0 - alpha) * self.change).max(least).min(1.0);
-        let alpha = weight(settings.alpha);
-        for (value, sample) in self.values.iter_mut().zip(sample) {
-            *value += alpha * (sample.clamp(-LARGEST, LARGEST) - *value);
-        }
-        let alpha = weight(settings.measure_alpha);
-        (self.mean, self.variance) = blend_variance(self.mean, self.variance, sum, alpha);
-        self
+impl<const C: usize> Default for Temporal<C> {
+    fn default() -> Self {
+        Self::new()
     }
 }

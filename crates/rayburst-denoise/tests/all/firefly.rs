@@ -71,7 +71,8 @@ fn hue_stays() {
 /// Of stationary noise no more is lost than the bound, plus what comes of few neighbours.
 #[test]
 fn the_loss_of_energy_is_bounded() {
-    let kinds: [(&str, fn(&mut Rng) -> f32); 4] = [
+    type Draw = fn(&mut Rng) -> f32;
+    let kinds: [(&str, Draw); 4] = [
         ("uniform", |rng| 2.0 * rng.f32()),
         ("exponential", |rng| -(1.0 - rng.f32()).ln()),
         ("one in four", |rng| if rng.f32() < 0.25 { 4.0 } else { 0.0 }),
