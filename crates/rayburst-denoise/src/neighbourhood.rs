@@ -21,7 +21,7 @@ pub(crate) struct Neighbourhood {
 }
 
 /// Motion that leads out of every picture.
-const AWAY: f32 = 1e6;
+pub(crate) const AWAY: f32 = 1e6;
 
 impl Neighbourhood {
     /// Takes a frame in.

@@ -133,7 +133,7 @@ impl Texels {
 
 /// Four texels side by side, added up by weights.
 #[inline(always)]
-pub(crate) fn fold(columns: &Lanes, weights: &[f32; 4]) -> Texel {
+fn fold(columns: &Lanes, weights: &[f32; 4]) -> Texel {
     let mut sum = [0.0; 4];
     for c in 0..4 {
         sum[c] = (columns[c] * weights[0] + columns[4 + c] * weights[1])

@@ -15,11 +15,11 @@ use rayon::prelude::*;
 use crate::{
     Guides, Result, Taps, checks,
     clip::{Blend, Blended, bell, from_ycocg},
-    lanes::{LANES, greater, load, store},
-    neighbourhood::Neighbourhood,
+    lanes::{LANES, Lanes, greater, load, store},
+    neighbourhood::{AWAY, Neighbourhood},
     scratch::{BAND, MARGIN, band_rows, fit},
     taa::check_jitter,
-    texels::{Texel, Texels, fold},
+    texels::{Texel, Texels},
 };
 
 /// How [`TemporalUpscaling`] works.
@@ -58,34 +58,57 @@ pub struct TemporalUpscaling {
     isa: IsaLevel,
     frame: Neighbourhood,
     packed: Packed,
-    columns: Vec<Place>,
-    rows: Vec<Place>,
+    columns: Places,
+    rows: Places,
     /// Luma, chromas and weight.
     now: Texels,
     before: Texels,
 }
 
-/// What the frame is at rendered pixels, with one more pixel around, and another one to the right.
+/// What the frame is around rendered pixels.
 #[derive(Clone, Debug, Default)]
 struct Packed {
-    /// Luma, chromas, and whether the surface was found in the frame before.
-    colour: Texels,
     /// Mean of the 3×3 pixels around, and the motion to the right.
     mean: Texels,
     /// Their deviation, and the motion down.
     deviation: Texels,
 }
 
-/// Where an output pixel is among the rendered ones, along an axis.
-#[derive(Clone, Copy, Debug)]
-struct Place {
-    /// The rendered pixel before the one whose sample is nearest, counted from the one around the picture.
-    first: usize,
-    /// Weights of three samples, under an output pixel's kernel and under a rendered pixel's; then zero.
-    narrow: [f32; 4],
-    wide: [f32; 4],
-    /// Sums of the weights.
-    totals: [f32; 2],
+/// Where output pixels are among the rendered ones, along an axis; as many as whole vectors hold.
+#[derive(Clone, Debug, Default)]
+struct Places {
+    /// The rendered pixel whose sample is nearest.
+    nearest: Vec<usize>,
+    /// Weights of its sample and of those on both sides, under an output pixel's kernel and under a rendered
+    /// pixel's.
+    narrow: [Vec<f32>; 3],
+    wide: [Vec<f32>; 3],
+}
+
+impl Places {
+    /// Finds the output pixels of an axis.
+    fn find(&mut self, small: u32, size: u32, jitter: f32, radius: f32) {
+        let step = f64::from(small) / f64::from(size);
+        self.nearest.clear();
+        for weights in self.narrow.iter_mut().chain(&mut self.wide) {
+            weights.clear();
+        }
+        for x in 0..(size as usize).next_multiple_of(LANES) {
+            // In rendered pixels from the first sample.
+            let at =
+                ((x.min(size as usize - 1) as f64 + 0.5) * step - 0.5 - f64::from(jitter)) as f32;
+            let nearest = at.round().clamp(0.0, small as f32 - 1.0);
+            self.nearest.push(nearest as usize);
+            for k in 0..3 {
+                let sample = nearest + k as f32 - 1.0;
+                let inside = sample >= 0.0 && sample < small as f32;
+                let weight = |radius| if inside { bell(sample - at, radius) } else { 0.0 };
+                self.narrow[k].push(weight(radius * step as f32));
+                // The nearest one counts in any case.
+                self.wide[k].push(weight(1.2).max(if k == 1 { 0.01 } else { 0.0 }));
+            }
+        }
+    }
 }
 
 /// What a pixel that has seen nothing counts the frame for.
@@ -98,8 +121,8 @@ impl TemporalUpscaling {
             isa,
             frame: Neighbourhood::default(),
             packed: Packed::default(),
-            columns: Vec::new(),
-            rows: Vec::new(),
+            columns: Places::default(),
+            rows: Places::default(),
             now: Texels::default(),
             before: Texels::default(),
         }
@@ -155,60 +178,45 @@ impl TemporalUpscaling {
         }
         self.now.resize(size);
         self.packed.fill(self.isa, &self.frame, taps);
-        place(&mut self.columns, small.0, size.0, jitter.x, settings.radius);
-        place(&mut self.rows, small.1, size.1, jitter.y, settings.radius);
+        self.columns.find(small.0, size.0, jitter.x, settings.radius);
+        self.rows.find(small.1, size.1, jitter.y, settings.radius);
         let scale =
             Vec2::new(size.0 as f32 / small.0.max(1) as f32, size.1 as f32 / small.1.max(1) as f32);
         // As much as so many frames bring.
         let longest = settings.longest / (scale.x * scale.y);
         let UpscaleSettings { deviations, dimming, .. } = *settings;
         let blend = Blend { deviations, longest, dimming };
-        let (isa, packed, before) = (self.isa, &self.packed, &self.before);
+        let (isa, frame, packed, before) = (self.isa, &self.frame, &self.packed, &self.before);
         let (columns, rows) = (&self.columns, &self.rows);
         let [r, g, b] = &mut out.channels;
         let bands = band_rows(r).zip(band_rows(g)).zip(band_rows(b)).zip(self.now.bands_mut());
         bands.enumerate().for_each(|(i, (((r, g), b), now))| {
             let (top, out) = (i * BAND, [r, g, b]);
-            isa.dispatch(Resolve { packed, before, columns, rows, scale, blend, top, out, now });
+            isa.dispatch(Resolve {
+                frame,
+                packed,
+                before,
+                columns,
+                rows,
+                scale,
+                blend,
+                top,
+                out,
+                now,
+            });
         });
         Ok(())
     }
 }
 
-/// Finds the output pixels of an axis among the rendered ones.
-fn place(places: &mut Vec<Place>, small: u32, size: u32, jitter: f32, radius: f32) {
-    let step = f64::from(small) / f64::from(size);
-    let radius = radius * step as f32;
-    places.clear();
-    places.extend((0..size).map(|x| {
-        // In rendered pixels from the first sample.
-        let at = ((f64::from(x) + 0.5) * step - 0.5 - f64::from(jitter)) as f32;
-        let nearest = at.round().clamp(0.0, small as f32 - 1.0);
-        let weights = |radius: f32| {
-            [-1.0, 0.0, 1.0, 2.0].map(|i| {
-                let sample = nearest + i;
-                let inside = i < 2.0 && sample >= 0.0 && sample < small as f32;
-                if inside { bell(sample - at, radius) } else { 0.0 }
-            })
-        };
-        let mut wide = weights(1.2);
-        wide[1] = wide[1].max(0.01);
-        let narrow = weights(radius);
-        let totals = [narrow.iter().sum(), wide.iter().sum()];
-        Place { first: nearest as usize, narrow, wide, totals }
-    }));
-}
-
 impl Packed {
     fn fill(&mut self, isa: IsaLevel, frame: &Neighbourhood, taps: Option<&Plane<Taps>>) {
-        let (width, height) = (frame.colour().width() as u32, frame.colour().height() as u32);
-        let size = (width + 3, height + 2);
-        for texels in [&mut self.colour, &mut self.mean, &mut self.deviation] {
-            texels.resize(size);
-        }
-        let bands = self.colour.bands_mut().zip(self.mean.bands_mut());
-        bands.zip(self.deviation.bands_mut()).enumerate().for_each(|(i, ((colour, mean), dev))| {
-            isa.dispatch(Pack { frame, taps, top: i * BAND, out: [colour, mean, dev] });
+        let size = (frame.colour().width() as u32, frame.colour().height() as u32);
+        self.mean.resize(size);
+        self.deviation.resize(size);
+        let bands = self.mean.bands_mut().zip(self.deviation.bands_mut());
+        bands.enumerate().for_each(|(i, (mean, deviation))| {
+            isa.dispatch(Pack { frame, taps, top: i * BAND, out: [mean, deviation] });
         });
     }
 }
@@ -218,7 +226,7 @@ struct Pack<'a> {
     frame: &'a Neighbourhood,
     taps: Option<&'a Plane<Taps>>,
     top: usize,
-    out: [&'a mut [Texel]; 3],
+    out: [&'a mut [Texel]; 2],
 }
 
 impl Kernel for Pack<'_> {
@@ -226,35 +234,27 @@ impl Kernel for Pack<'_> {
 
     #[inline(always)]
     fn run<I: Isa>(self, _: I) {
-        let (width, height) = (self.frame.colour().width(), self.frame.colour().height());
-        let stride = width + 3;
-        let [colours, means, deviations] = self.out;
+        let width = self.frame.colour().width();
+        let [means, deviations] = self.out;
         let (mut mean, mut deviation) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
-        for row in 0..colours.len() / stride {
+        for row in 0..means.len() / width {
             let y = self.top + row;
-            if y == 0 || y > height {
-                continue;
-            }
-            let y = y - 1;
             for x in (0..width).step_by(LANES) {
                 let at = MARGIN + x;
                 self.frame.statistics(y, at, &mut mean, &mut deviation);
                 let nearest = self.frame.nearest(y, at);
-                let mut own = [[0.0; LANES]; 3];
-                for c in 0..3 {
-                    own[c] = load(self.frame.colour().row(y, c), at);
-                }
-                let mut found = [1.0; LANES];
+                let mut found = [true; LANES];
                 if let Some(taps) = self.taps {
                     let taps = &taps.values()[y * taps.stride() + x..][..LANES];
                     for i in 0..LANES {
-                        found[i] = if taps[i].is_some() { 1.0 } else { 0.0 };
+                        found[i] = taps[i].is_some();
                     }
                 }
-                let start = row * stride + x + 1;
+                let start = row * width + x;
                 for i in 0..LANES.min(width - x) {
-                    colours[start + i] = [own[0][i], own[1][i], own[2][i], found[i]];
                     let [mx, my] = self.frame.motion(nearest[i], y, at + i);
+                    // What was not seen before was out of the picture.
+                    let mx = if found[i] { mx } else { AWAY };
                     means[start + i] = [mean[0][i], mean[1][i], mean[2][i], mx];
                     deviations[start + i] = [deviation[0][i], deviation[1][i], deviation[2][i], my];
                 }
@@ -264,10 +264,11 @@ impl Kernel for Pack<'_> {
 }
 
 struct Resolve<'a> {
+    frame: &'a Neighbourhood,
     packed: &'a Packed,
     before: &'a Texels,
-    columns: &'a [Place],
-    rows: &'a [Place],
+    columns: &'a Places,
+    rows: &'a Places,
     scale: Vec2,
     blend: Blend,
     top: usize,
@@ -311,56 +312,105 @@ impl Resolve<'_> {
     /// What is known of sixteen output pixels.
     #[inline(always)]
     fn gather(&self, y: usize, x: usize, blended: &mut Blended) {
-        for c in 0..4 {
-            blended.history[c] = [0.0; LANES];
-        }
         let mut wide = [[0.0; LANES]; 3];
-        let down = &self.rows[y];
-        let width = self.before.width();
-        for i in 0..LANES.min(width - x) {
-            let across = &self.columns[x + i];
-            let (mut near, mut around) = ([0.0; LANES], [0.0; LANES]);
-            for j in 0..3 {
-                let row = self.packed.colour.row(down.first + j);
-                let texels = load(row.as_flattened(), 4 * across.first);
-                for k in 0..LANES {
-                    near[k] += down.narrow[j] * texels[k];
-                    around[k] += down.wide[j] * texels[k];
-                }
-            }
-            let (near, around) = (fold(&near, &across.narrow), fold(&around, &across.wide));
-            let total = down.totals[0] * across.totals[0];
-            let around_total = down.totals[1] * across.totals[1];
-            let mean = self.packed.mean.row(down.first + 1)[across.first + 1];
-            let deviation = self.packed.deviation.row(down.first + 1)[across.first + 1];
-            let found = self.packed.colour.row(down.first + 1)[across.first + 1][3] > 0.0;
-            let counts = total > 1e-4;
-            let (share, around_share) = (1.0 / greater(total, 1e-4), 1.0 / around_total);
-            blended.weight[i] = if counts { total } else { 0.0 };
+        let totals = self.samples(y, x, &mut blended.now, &mut wide);
+        let (means, deviations) = (
+            self.packed.mean.row(self.rows.nearest[y]),
+            self.packed.deviation.row(self.rows.nearest[y]),
+        );
+        let columns = &self.columns.nearest[x..x + LANES];
+        let mut at = [[0.0; LANES]; 2];
+        for i in 0..LANES {
+            let (mean, deviation) = (means[columns[i]], deviations[columns[i]]);
             for c in 0..3 {
-                wide[c][i] = around[c] * around_share;
-                blended.now[c][i] = if counts { near[c] * share } else { wide[c][i] };
                 blended.mean[c][i] = mean[c];
                 blended.deviation[c][i] = deviation[c];
             }
-            let px = (x + i) as f32 + mean[3] * self.scale.x;
-            let py = y as f32 + deviation[3] * self.scale.y;
-            if found && self.before.contains(px, py) {
-                let texel = self.before.cubic(px, py);
+            at[0][i] = (x + i) as f32 + mean[3] * self.scale.x;
+            at[1][i] = y as f32 + deviation[3] * self.scale.y;
+        }
+        for c in 0..4 {
+            blended.history[c] = [0.0; LANES];
+        }
+        for i in 0..LANES.min(self.before.width() - x) {
+            if self.before.contains(at[0][i], at[1][i]) {
+                let texel = self.before.cubic(at[0][i], at[1][i]);
                 for c in 0..4 {
                     blended.history[c][i] = texel[c];
                 }
             }
         }
         for i in 0..LANES {
+            let counts = totals[0][i] > 1e-4;
+            blended.weight[i] = if counts { totals[0][i] } else { 0.0 };
+            let share = 1.0 / greater(totals[0][i], 1e-4);
+            let wide_share = 1.0 / totals[1][i];
             let weight = greater(blended.history[3][i], 0.0);
             let missing = greater(FIRST - weight, 0.0);
-            let share = missing / (weight + missing);
+            let first = missing / (weight + missing);
             for c in 0..3 {
+                let (near, around) = (blended.now[c][i] * share, wide[c][i] * wide_share);
+                blended.now[c][i] = if counts { near } else { around };
                 let history = blended.history[c][i];
-                blended.history[c][i] = history + share * (wide[c][i] - history);
+                blended.history[c][i] = history + first * (around - history);
             }
             blended.history[3][i] = weight + missing;
         }
+    }
+
+    /// The frame's samples around sixteen output pixels, added up under both kernels; returns the sums of the
+    /// weights. First down the columns, then along the rows.
+    #[inline(always)]
+    fn samples(
+        &self,
+        y: usize,
+        x: usize,
+        near: &mut [Lanes; 3],
+        around: &mut [Lanes; 3],
+    ) -> [Lanes; 2] {
+        let (columns, rows) = (self.columns, self.rows);
+        let nearest = &columns.nearest[x..x + LANES];
+        let first = nearest[0];
+        let mut weights = [[0.0; LANES]; 6];
+        for k in 0..3 {
+            weights[k] = load(&columns.narrow[k], x);
+            weights[3 + k] = load(&columns.wide[k], x);
+        }
+        for c in 0..3 {
+            // Output pixels are no wider than rendered ones: all samples are in two vectors.
+            let mut narrow = [0.0; 2 * LANES];
+            let mut wide = [0.0; 2 * LANES];
+            for j in 0..3 {
+                let row = self.frame.colour().near_row((rows.nearest[y] + j) as isize - 1, c);
+                let row = &row[MARGIN + first - 1..][..2 * LANES];
+                let (n, w) = (rows.narrow[j][y], rows.wide[j][y]);
+                for i in 0..2 * LANES {
+                    narrow[i] += n * row[i];
+                    wide[i] += w * row[i];
+                }
+            }
+            near[c] = [0.0; LANES];
+            around[c] = [0.0; LANES];
+            for k in 0..3 {
+                let mut picked = [[0.0; LANES]; 2];
+                for i in 0..LANES {
+                    let from = (nearest[i] - first + k) % (2 * LANES);
+                    picked[0][i] = narrow[from];
+                    picked[1][i] = wide[from];
+                }
+                for i in 0..LANES {
+                    near[c][i] += weights[k][i] * picked[0][i];
+                    around[c][i] += weights[3 + k][i] * picked[1][i];
+                }
+            }
+        }
+        let down = |weights: &[Vec<f32>; 3]| weights[0][y] + weights[1][y] + weights[2][y];
+        let (narrow, wide) = (down(&rows.narrow), down(&rows.wide));
+        let mut totals = [[0.0; LANES]; 2];
+        for i in 0..LANES {
+            totals[0][i] = narrow * (weights[0][i] + weights[1][i] + weights[2][i]);
+            totals[1][i] = wide * (weights[3][i] + weights[4][i] + weights[5][i]);
+        }
+        totals
     }
 }
