@@ -121,3 +121,12 @@ fn threads_and_instruction_sets_do_not_matter() {
     let colour = fill3((67, 41), |_, _| rng.vec3() * if rng.f32() < 0.02 { 50.0 } else { 1.0 });
     assert_same_everywhere(|isa| pixels3(&filtered(isa, &colour, FireflySettings::default())));
 }
+
+#[test]
+fn light_noise_keeps_its_mean() {
+    let mut rng = Rng::new(2);
+    let colour = fill3((128, 96), |_, _| 0.5 + rng.vec3());
+    let out = filtered(isa(), &colour, FireflySettings::default());
+    let (before, after) = (mean(&pixels3(&colour)), mean(&pixels3(&out)));
+    assert!((after / before - 1.0).abs() < 1e-3, "{before} {after}");
+}

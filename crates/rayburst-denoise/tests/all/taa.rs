@@ -1,14 +1,14 @@
 //! Temporal anti-aliasing: what still pictures converge to, and that nothing stays that is gone.
 
 use glam::{Vec2, Vec3};
-use rayburst_denoise::{DenoiseError, TaaSettings, TemporalAntialiasing};
+use rayburst_denoise::{DenoiseError, TaaSettings, Taps, TemporalAntialiasing};
 use rayburst_image::{Plane, Plane3};
 use rayburst_math::hash::Rng;
 use rayburst_simd::IsaLevel;
 
 use crate::views::{
-    SIZES, View, assert_near, assert_same_everywhere, assert_sane, fill3, isa, jitter, pattern,
-    pixels3, rmse, spoil3, supersampled,
+    SIZES, View, assert_near, assert_same_everywhere, assert_sane, fill3, isa, jitter, mean,
+    pattern, pixels3, rmse, spoil3, supersampled,
 };
 
 const SIZE: (u32, u32) = (96, 64);
@@ -187,4 +187,40 @@ fn threads_and_instruction_sets_do_not_matter() {
         }
         pixels3(&out)
     });
+}
+
+#[test]
+fn means_are_kept_where_nothing_is_clipped() {
+    let view = View::wall(SIZE.0, SIZE.1);
+    let settings = TaaSettings { deviations: 1e6, ..TaaSettings::default() };
+    let mut rng = Rng::new(8);
+    let mut taa = TemporalAntialiasing::new(isa());
+    let (mut out, mut sums) = (Plane3::default(), [0.0; 2]);
+    for i in 0..16 {
+        let colour = fill3(SIZE, |_, _| rng.vec3());
+        taa.resolve(&colour, &view.guides(), jitter(i), None, &settings, &mut out).unwrap();
+        sums[0] += mean(&pixels3(&colour)) / 16.0;
+    }
+    sums[1] = mean(&pixels3(&out));
+    assert!((sums[1] / sums[0] - 1.0).abs() < 0.01, "{sums:?}");
+}
+
+#[test]
+fn a_surface_that_was_not_seen_counts_for_a_frame() {
+    // Black before, then white with a little texture; clipping is off.
+    let view = View::wall(32, 16);
+    let settings = TaaSettings { deviations: 1e6, ..TaaSettings::default() };
+    let run = |taps: Option<&Plane<Taps>>| {
+        let mut taa = TemporalAntialiasing::new(isa());
+        let mut out = Plane3::default();
+        for i in 0..9 {
+            let value = if i < 8 { 0.0 } else { 1.0 };
+            let colour = fill3((32, 16), |x, y| Vec3::splat(value + 0.01 * ((x + y) % 2) as f32));
+            taa.resolve(&colour, &view.guides(), Vec2::ZERO, taps, &settings, &mut out).unwrap();
+        }
+        mean(&pixels3(&out))
+    };
+    let none = Plane::new(32, 16).unwrap();
+    let (seen, unseen) = (run(None), run(Some(&none)));
+    assert!(seen < 0.2 && unseen > 0.45, "{seen} {unseen}");
 }

@@ -4,12 +4,13 @@ use glam::{Vec2, Vec3};
 use rayburst_denoise::{
     DenoiseError, Reprojection, SurfaceTests, TemporalUpscaling, UpscaleSettings,
 };
-use rayburst_image::Plane3;
+use rayburst_image::{Plane, Plane3};
+use rayburst_math::hash::Rng;
 use rayburst_simd::IsaLevel;
 
 use crate::views::{
-    Eye, SIZES, View, assert_same_everywhere, assert_sane, fill3, isa, jitter, pattern, pixels3,
-    rmse, spoil3, supersampled,
+    Eye, SIZES, View, assert_near, assert_same_everywhere, assert_sane, fill3, isa, jitter, mean,
+    pattern, pixels3, rmse, spoil3, supersampled,
 };
 
 const SIZE: (u32, u32) = (128, 96);
@@ -217,4 +218,30 @@ fn threads_and_instruction_sets_do_not_matter() {
         }
         pixels3(&out)
     });
+}
+
+#[test]
+fn means_are_kept_and_what_was_not_seen_is_forgotten() {
+    let small = (64, 48);
+    let view = View::wall(small.0, small.1);
+    let settings = UpscaleSettings { deviations: 1e6, ..UpscaleSettings::default() };
+    let mut rng = Rng::new(8);
+    let mut upscaling = TemporalUpscaling::new(isa());
+    let (mut out, mut sum) = (Plane3::default(), 0.0);
+    for i in 0..32 {
+        let colour = fill3(small, |_, _| rng.vec3());
+        let (j, guides) = (jitter(i), view.guides());
+        upscaling.resolve(&colour, &guides, j, None, &settings, SIZE, &mut out).unwrap();
+        sum += mean(&pixels3(&colour)) / 32.0;
+    }
+    let found = mean(&pixels3(&out));
+    assert!((found / sum - 1.0).abs() < 0.01, "{sum} {found}");
+    // No surface is found in the frame before: nothing of it stays.
+    let taps = Plane::new(small.0, small.1).unwrap();
+    let bright = fill3(small, |_, _| Vec3::splat(3.0));
+    let guides = view.guides();
+    upscaling
+        .resolve(&bright, &guides, Vec2::ZERO, Some(&taps), &settings, SIZE, &mut out)
+        .unwrap();
+    assert_near(&pixels3(&out), 3.0, 1e-5);
 }
