@@ -15,6 +15,7 @@ mod estimate;
 mod geometry;
 mod gradient;
 mod guides;
+mod inspect;
 mod reprojection;
 mod slope;
 mod stack;
