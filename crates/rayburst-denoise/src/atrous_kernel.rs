@@ -19,7 +19,10 @@ pub(crate) const VARIANCE: usize = 4;
 /// Rec. 709 weights of the channels.
 pub(crate) const WEIGHTS: [f32; 3] = [0.2126, 0.7152, 0.0722];
 /// Differences of luminance that are tolerated without any variance, as a share of the luminance.
-const LEAST_DEVIATION: f32 = 1e-3;
+pub(crate) const LEAST_DEVIATION: f32 = 1e-3;
+
+/// How many values before they are written room is made for them.
+const AHEAD: usize = 2 * BLOCK;
 
 /// Offsets of taps that are not multiples of each other.
 const DIRECTIONS: [[f32; 2]; 8] = [
@@ -142,6 +145,10 @@ impl<const N: usize> Kernel for LevelKernel<'_, N> {
                 let to = &mut to[index * length..][..length];
                 for x in (0..width).step_by(BLOCK) {
                     self.prefetch(isa, &coming, x);
+                    for c in 0..N * SIGNAL {
+                        let at = c * from.stride() + from.margin() + x + AHEAD;
+                        isa.prefetch(to.as_ptr().wrapping_add(at));
+                    }
                     self.block::<I>(&rows, near, x, to);
                 }
             }

@@ -19,6 +19,7 @@ mod firefly;
 mod geometry;
 mod gradient;
 mod guides;
+mod inspect;
 mod lanes;
 mod least;
 mod neighbourhood;
