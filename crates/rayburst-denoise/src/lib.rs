@@ -11,6 +11,7 @@ mod atrous;
 mod atrous_kernel;
 mod average;
 mod bilateral;
+mod blocks;
 mod checks;
 mod clip;
 mod error;
