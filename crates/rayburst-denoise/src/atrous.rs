@@ -97,7 +97,7 @@ pub struct Wavelet<const N: usize> {
 }
 
 impl<const N: usize> Wavelet<N> {
-    /// Without working memory. Pictures do not depend on the instruction set.
+    /// Without working memory. Pictures depend on the instruction set by no more than rounding.
     pub fn new(isa: IsaLevel) -> Self {
         Self { isa, geometry: Stack::default(), signals: Default::default() }
     }

@@ -7,7 +7,7 @@ use rayburst_simd::{Isa, Kernel};
 use crate::{
     approximate::{exp2, fused, reciprocal},
     geometry::{DEPTH, LEAST_SLOPE, NORMAL, OBJECT, SLOPE},
-    stack::{BLOCK, Lanes, Stack, lanes},
+    stack::{AHEAD, BLOCK, Lanes, Stack, lanes, prefetch},
 };
 
 /// Channels of a signal: red, green, blue, luminance, variance of the luminance.
@@ -19,7 +19,7 @@ pub(crate) const VARIANCE: usize = 4;
 /// Rec. 709 weights of the channels.
 pub(crate) const WEIGHTS: [f32; 3] = [0.2126, 0.7152, 0.0722];
 /// Differences of luminance that are tolerated without any variance, as a share of the luminance.
-const LEAST_DEVIATION: f32 = 1e-3;
+pub(crate) const LEAST_DEVIATION: f32 = 1e-3;
 
 /// Offsets of taps that are not multiples of each other.
 const DIRECTIONS: [[f32; 2]; 8] = [
@@ -141,7 +141,10 @@ impl<const N: usize> Kernel for LevelKernel<'_, N> {
                 let coming = Row { shape: geometry.rows(coming), values: from.rows(coming) };
                 let to = &mut to[index * length..][..length];
                 for x in (0..width).step_by(BLOCK) {
-                    self.prefetch(isa, &coming, x);
+                    let (shape_at, at) = (geometry.margin() + x, from.margin() + x);
+                    prefetch(isa, coming.shape, shape_at, geometry.stride(), SLOPE);
+                    prefetch(isa, coming.values, at, from.stride(), N * SIGNAL);
+                    prefetch(isa, to, at + AHEAD, from.stride(), N * SIGNAL);
                     self.block::<I>(&rows, near, x, to);
                 }
             }
@@ -150,19 +153,6 @@ impl<const N: usize> Kernel for LevelKernel<'_, N> {
 }
 
 impl<const N: usize> LevelKernel<'_, N> {
-    /// Asks for a block of a row that the next row will read.
-    #[inline(always)]
-    fn prefetch<I: Isa>(&self, isa: I, row: &Row<'_>, x: usize) {
-        for c in 0..SLOPE {
-            let at = c * self.geometry.stride() + self.geometry.margin() + x;
-            isa.prefetch(row.shape.as_ptr().wrapping_add(at));
-        }
-        for c in 0..N * SIGNAL {
-            let at = c * self.from.stride() + self.from.margin() + x;
-            isa.prefetch(row.values.as_ptr().wrapping_add(at));
-        }
-    }
-
     #[inline(always)]
     fn block<I: Isa>(&self, rows: &[Row<'_>; 5], near: [&[f32]; 2], x: usize, to: &mut [f32]) {
         let (shape_stride, stride) = (self.geometry.stride(), self.from.stride());

@@ -10,8 +10,9 @@ use rayburst_simd::{Isa, Kernel};
 
 use crate::{
     Surfaces,
+    blocks::Blocks,
     lanes::{LANES, Lanes, greater, greatest, lesser, load, store},
-    scratch::{BAND, MARGIN, Scratch, ScratchBand},
+    scratch::{MARGIN, Scratch, ScratchBand},
     surfaces::{NEARNESS, NORMAL, SLOPE, STEP, STIFFNESS},
 };
 
@@ -28,9 +29,6 @@ pub(crate) enum Reach<'a> {
     World { lengths: &'a Scratch, most: f32, least: f32 },
 }
 
-/// Blocks of [`LANES`] pixels by a band's rows that a filter changes; the others are copied.
-pub(crate) type Blocks = Vec<bool>;
-
 /// Filters a band of `N` channels along an axis, 0 along rows and 1 along columns.
 pub(crate) struct Bilateral<'a, const N: usize> {
     pub(crate) surfaces: &'a Surfaces,
@@ -40,7 +38,8 @@ pub(crate) struct Bilateral<'a, const N: usize> {
     /// Every how many pixels a neighbour counts.
     pub(crate) stride: usize,
     pub(crate) reach: Reach<'a>,
-    pub(crate) blocks: Option<&'a Blocks>,
+    /// Blocks that have anything to filter; the others are copied.
+    pub(crate) blocks: &'a Blocks,
     pub(crate) input: &'a Scratch,
     pub(crate) band: ScratchBand<'a>,
 }
@@ -54,10 +53,7 @@ impl<const N: usize> Kernel for Bilateral<'_, N> {
         for y in self.band.rows() {
             for block in 0..columns {
                 let at = MARGIN + block * LANES;
-                let changes = match self.blocks {
-                    Some(blocks) => blocks[y / BAND * columns + block],
-                    None => true,
-                };
+                let changes = self.blocks.changes(y, block);
                 let radius = if changes { self.radius(y, at) } else { [0.0; LANES] };
                 let widest = greatest(&radius);
                 if widest > 1.0 {

@@ -28,7 +28,8 @@ pub(crate) struct Blend {
     pub(crate) dimming: f32,
 }
 
-/// What is blended, sixteen pixels at a time; colours are luma and chromas.
+/// What is blended, sixteen pixels at a time; colours are luma and chromas. It is written in place: copies of
+/// it are calls.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Blended {
     /// The history and its weight; zero without one.
@@ -53,10 +54,9 @@ impl Blended {
     /// Clips the history towards the mean of the neighbourhood, into the box of some deviations (Salvi: "An
     /// Excursion in Temporal Supersampling", GDC 2016), and blends the frame in by the weights, bright
     /// colours less (Karis: "High Quality Temporal Supersampling", SIGGRAPH 2014 courses). A history that
-    /// is clipped loses weight as it loses distance. Returns colour and weight.
+    /// is clipped loses weight as it loses distance. Gives colour and weight.
     #[inline(always)]
-    pub(crate) fn blend(&self, how: &Blend) -> [Lanes; 4] {
-        let mut out = self.history;
+    pub(crate) fn blend(&self, how: &Blend, out: &mut [Lanes; 4]) {
         for i in 0..LANES {
             // Rounding is no reason to clip.
             let slack = 1e-5 * self.mean[0][i].abs() + 1e-20;
@@ -80,7 +80,6 @@ impl Blended {
             }
             out[3][i] = lesser(before + now, how.longest);
         }
-        out
     }
 }
 
@@ -114,10 +113,11 @@ mod tests {
         blended.mean[0] = [2.0; LANES];
         blended.deviation[0] = [1.0; LANES];
         let how = Blend { deviations: 2.0, longest: 64.0, dimming: 0.0 };
-        let out = blended.blend(&how);
+        let mut out = [[0.0; LANES]; 4];
+        blended.blend(&how, &mut out);
         assert!((out[0][3] - 4.0).abs() < 1e-3 && (out[3][3] - 1.0).abs() < 1e-3, "{out:?}");
         blended.history[0] = [3.0; LANES];
-        let out = blended.blend(&how);
+        blended.blend(&how, &mut out);
         assert_eq!((out[0][3], out[3][3]), (3.0, 4.0));
     }
 
@@ -129,7 +129,11 @@ mod tests {
         blended.deviation[0] = [0.5; LANES];
         blended.now[0] = [1.0; LANES];
         blended.weight = [1.0; LANES];
-        let at = |dimming| blended.blend(&Blend { deviations: 2.0, longest: 64.0, dimming })[0][0];
+        let at = |dimming| {
+            let mut out = [[0.0; LANES]; 4];
+            blended.blend(&Blend { deviations: 2.0, longest: 64.0, dimming }, &mut out);
+            out[0][0]
+        };
         assert!((at(0.0) - 0.5).abs() < 1e-6 && (at(1.0) - 1.0 / 3.0).abs() < 1e-6);
     }
 }

@@ -8,7 +8,7 @@ use crate::{
     atrous::{EdgeStopping, extend},
     atrous_kernel::{LUMINANCE, SIGNAL, VARIANCE, luminance},
     geometry::{DEPTH, LEAST_SLOPE, NORMAL, OBJECT, SLOPE},
-    stack::{BAND, BLOCK, Lanes, Stack, lanes},
+    stack::{AHEAD, BAND, BLOCK, Lanes, Stack, lanes, prefetch},
     temporal::Temporal,
 };
 
@@ -65,12 +65,18 @@ impl<const N: usize> Kernel for Estimate<'_, N> {
     type Output = ();
 
     #[inline(always)]
-    fn run<I: Isa>(mut self, _: I) {
+    fn run<I: Isa>(mut self, isa: I) {
         let width = self.geometry.size().0 as usize;
         let rows = std::mem::take(&mut self.to);
         for (y, rows) in (self.top..).zip(rows.chunks_mut(N * SIGNAL * self.stride)) {
             for x in (0..width).step_by(BLOCK) {
+                let ahead = self.margin + x + AHEAD;
+                prefetch(isa, rows, ahead, self.stride, N * SIGNAL);
                 for s in 0..N {
+                    let history = self.histories[s];
+                    let ahead = history.margin() + x + AHEAD;
+                    let row = history.rows(y as u32);
+                    prefetch(isa, row, ahead, history.stride(), history.channels());
                     let block = self.block::<I>(self.histories[s], x, y);
                     for c in 0..SIGNAL {
                         rows[(s * SIGNAL + c) * self.stride + self.margin + x..][..BLOCK]

@@ -206,23 +206,30 @@ impl Gradients {
         let (width, height) = strata(size);
         let first = &mut self.signals[0];
         let (margin, stride, length) = (first.margin(), first.stride(), first.band_len(1));
-        for (y, row) in (0..height).zip(first.values_mut().chunks_mut(length)) {
-            for x in 0..width {
-                let (place, (difference, largest)) = sample(x, y);
-                let good = difference.is_finite() && largest.is_finite();
-                let scale = if good && place.is_some() { 1.0 } else { 0.0 };
-                let values = [difference, largest]
-                    .map(|value| if scale > 0.0 { value.clamp(-LARGEST, LARGEST) } else { 0.0 });
-                row[margin + x as usize] = values[0];
-                row[stride + margin + x as usize] = values[1].max(values[0].abs());
+        let padded = self.depth.stride();
+        let [nx, ny, nz] = &mut self.normal.channels;
+        let rows = first.values_mut().par_chunks_mut(length);
+        let rows = rows.zip(self.depth.values_mut().par_chunks_mut(padded));
+        let rows = rows.zip(self.object.values_mut().par_chunks_mut(padded));
+        let rows = rows.zip(nx.values_mut().par_chunks_mut(padded));
+        let rows = rows.zip(ny.values_mut().par_chunks_mut(padded));
+        let rows = rows.zip(nz.values_mut().par_chunks_mut(padded)).zip(0..height);
+        rows.for_each(|((((((row, depth), object), nx), ny), nz), y)| {
+            for x in 0..width as usize {
+                let (place, (difference, largest)) = sample(x as u32, y);
+                let good = difference.is_finite() && largest.is_finite() && place.is_some();
+                let [difference, largest] = [difference, largest]
+                    .map(|value| if good { value.clamp(-LARGEST, LARGEST) } else { 0.0 });
+                row[margin + x] = difference;
+                row[stride + margin + x] = largest.max(difference.abs());
                 // The surface of a stratum is that of its sample, or of its middle.
                 let middle = |i: u32, size: u32| (i * STRATUM + STRATUM / 2).min(size - 1);
-                let (px, py) = place.unwrap_or((middle(x, size.0), middle(y, size.1)));
-                self.depth.set(x, y, guides.depth.get(px, py));
-                self.normal.set(x, y, guides.normal.get(px, py));
-                self.object.set(x, y, guides.object.get(px, py));
+                let (px, py) = place.unwrap_or((middle(x as u32, size.0), middle(y, size.1)));
+                depth[x] = guides.depth.get(px, py);
+                object[x] = guides.object.get(px, py);
+                [nx[x], ny[x], nz[x]] = guides.normal.get(px, py).to_array();
             }
-        }
+        });
         let motion = [Plane::default(), Plane::default()];
         let strata = Guides {
             depth: &self.depth,

@@ -4,6 +4,7 @@ use rayburst_simd::{Isa, Kernel};
 
 use crate::{
     Surfaces,
+    blocks::Blocks,
     lanes::{LANES, lesser, load, store},
     scratch::{MARGIN, Scratch, ScratchBand},
     surfaces::{NEARNESS, NORMAL, SLOPE, STIFFNESS},
@@ -19,6 +20,8 @@ pub(crate) struct Least<'a> {
     pub(crate) stride: usize,
     /// Neighbours to either side.
     pub(crate) taps: usize,
+    /// Blocks that have anything to filter; the others are copied.
+    pub(crate) blocks: &'a Blocks,
     pub(crate) input: &'a Scratch,
     pub(crate) band: ScratchBand<'a>,
 }
@@ -33,6 +36,11 @@ impl Kernel for Least<'_> {
         for y in self.band.rows() {
             for x in (0..self.input.width()).step_by(LANES) {
                 let at = MARGIN + x;
+                if !self.blocks.changes(y, x / LANES) {
+                    let own = load(self.input.row(y, 0), at);
+                    store(self.band.row_mut(y, 0), at, &own);
+                    continue;
+                }
                 let own = load(shape.row(y, NEARNESS), at);
                 let nx = load(shape.row(y, NORMAL), at);
                 let ny = load(shape.row(y, NORMAL + 1), at);

@@ -21,7 +21,7 @@ pub(crate) struct Neighbourhood {
 }
 
 /// Motion that leads out of every picture.
-const AWAY: f32 = 1e6;
+pub(crate) const AWAY: f32 = 1e6;
 
 impl Neighbourhood {
     /// Takes a frame in.
@@ -51,9 +51,13 @@ impl Neighbourhood {
 
     /// Mean and deviation of the 3×3 pixels around sixteen pixels.
     #[inline(always)]
-    pub(crate) fn statistics(&self, y: usize, at: usize) -> [[Lanes; 3]; 2] {
-        let mut means = [[0.0; LANES]; 3];
-        let mut deviations = [[0.0; LANES]; 3];
+    pub(crate) fn statistics(
+        &self,
+        y: usize,
+        at: usize,
+        means: &mut [Lanes; 3],
+        deviations: &mut [Lanes; 3],
+    ) {
         for c in 0..3 {
             let own = load(self.colour.row(y, c), at);
             let mut sum = [0.0; LANES];
@@ -76,35 +80,41 @@ impl Neighbourhood {
                 deviations[c][lane] = greater(variance, 0.0).sqrt();
             }
         }
-        [means, deviations]
     }
 
-    /// Motion of the nearest surface of the 3×3 pixels around sixteen pixels: edges move with what is in
-    /// front (Karis 2014).
+    /// Which of the 3×3 pixels around sixteen pixels is the nearest, for [`Neighbourhood::motion`].
+    ///
+    /// Numbers that are not negative sort like their bits, so the last four bits can say which pixel it is; of
+    /// pixels as near the own one is taken.
     #[inline(always)]
-    pub(crate) fn motion(&self, y: usize, at: usize) -> [Lanes; 2] {
-        let mut nearest = load(self.surface.row(y, 0), at);
-        let mut motion = [load(self.surface.row(y, 1), at), load(self.surface.row(y, 2), at)];
+    pub(crate) fn nearest(&self, y: usize, at: usize) -> [u32; LANES] {
+        let mut nearest = [0u32; LANES];
         for j in 0..3 {
-            let row = y as isize + j - 1;
+            let row = self.surface.near_row(y as isize + j - 1, 0);
             for i in 0..3 {
-                let x = at + i - 1;
-                let near = load(self.surface.near_row(row, 0), x);
-                let (mx, my) = (
-                    load(self.surface.near_row(row, 1), x),
-                    load(self.surface.near_row(row, 2), x),
-                );
+                let near = load(row, at + i - 1);
+                let code = if (i, j) == (1, 1) { OWN } else { (3 * j) as u32 + i as u32 };
                 for lane in 0..LANES {
-                    let nearer = near[lane] > nearest[lane];
-                    motion[0][lane] = if nearer { mx[lane] } else { motion[0][lane] };
-                    motion[1][lane] = if nearer { my[lane] } else { motion[1][lane] };
-                    nearest[lane] = if nearer { near[lane] } else { nearest[lane] };
+                    let key = (near[lane].to_bits() & !OWN) | code;
+                    nearest[lane] = if key > nearest[lane] { key } else { nearest[lane] };
                 }
             }
         }
-        motion
+        nearest
+    }
+
+    /// Motion of the nearest surface around a pixel: edges move with what is in front (Karis 2014).
+    #[inline(always)]
+    pub(crate) fn motion(&self, nearest: u32, y: usize, at: usize) -> [f32; 2] {
+        let code = nearest & OWN;
+        let code = if code == OWN { 4 } else { code as usize };
+        let (row, x) = (y as isize + (code / 3) as isize - 1, at + code % 3 - 1);
+        [self.surface.near_row(row, 1)[x], self.surface.near_row(row, 2)[x]]
     }
 }
+
+/// The pixel itself, in [`Neighbourhood::nearest`].
+const OWN: u32 = 15;
 
 /// Turns colours into luma and chromas.
 struct TakeColour<'a> {

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use crate::{
     Result, SurfaceTolerance, Surfaces,
     bilateral::{Bilateral, MOST_RADIUS, Reach},
+    blocks::{Blocks, note},
     checks,
     lanes::{greater, lesser},
     least::Least,
@@ -71,6 +72,7 @@ pub struct OcclusionFilter {
     value: Scratch,
     distance: Scratch,
     scratch: Scratch,
+    blocks: Blocks,
 }
 
 impl OcclusionFilter {
@@ -81,6 +83,7 @@ impl OcclusionFilter {
             value: Scratch::default(),
             distance: Scratch::default(),
             scratch: Scratch::default(),
+            blocks: Blocks::default(),
         }
     }
 
@@ -103,7 +106,11 @@ impl OcclusionFilter {
             scratch.resize(open.size(), 1);
         }
         let (isa, factors) = (self.isa, settings.tolerance.factors());
-        self.value.bands_mut().for_each(|band| isa.dispatch(Open { open, band }));
+        self.blocks.resize(open.size());
+        let bands = self.value.bands_mut().zip(self.blocks.kinds_mut());
+        bands.for_each(|(band, kinds)| isa.dispatch(Open { open, band, kinds }));
+        self.blocks.classify(settings.search.max(settings.most_radius).max(settings.least_radius));
+        let blocks = &self.blocks;
         let OcclusionSettings { reach, width, .. } = *settings;
         self.distance
             .bands_mut()
@@ -112,7 +119,7 @@ impl OcclusionFilter {
         let (stride, taps) = (2, (settings.search / 2.0) as usize);
         let pass = |axis, input: &Scratch, out: &mut Scratch| {
             out.bands_mut().for_each(|band| {
-                isa.dispatch(Least { surfaces, factors, axis, stride, taps, input, band });
+                isa.dispatch(Least { surfaces, factors, axis, stride, taps, blocks, input, band });
             });
         };
         pass(0, &self.distance, &mut self.scratch);
@@ -124,7 +131,7 @@ impl OcclusionFilter {
         };
         let pass = |axis, input: &Scratch, out: &mut Scratch| {
             out.bands_mut().for_each(|band| {
-                let (stride, blocks) = (settings.spacing as usize, None);
+                let stride = settings.spacing as usize;
                 let pass =
                     Bilateral::<1> { surfaces, factors, axis, stride, reach, blocks, input, band };
                 isa.dispatch(pass);
@@ -141,6 +148,7 @@ impl OcclusionFilter {
 struct Open<'a> {
     open: &'a Plane,
     band: ScratchBand<'a>,
+    kinds: &'a mut [u8],
 }
 
 impl Kernel for Open<'_> {
@@ -154,6 +162,7 @@ impl Kernel for Open<'_> {
             for x in 0..open.len() {
                 out[x] = greater(lesser(open[x], 1.0), 0.0);
             }
+            note(self.kinds, &out[..self.open.width() as usize]);
             self.band.extend(y);
         }
     }

@@ -55,7 +55,9 @@ impl Scratch {
     /// A row of a channel; the first or the last one for rows outside the picture.
     #[inline(always)]
     pub(crate) fn near_row(&self, y: isize, channel: usize) -> &[f32] {
-        self.row(y.clamp(0, self.height as isize - 1) as usize, channel)
+        let last = self.height as isize - 1;
+        let y = if y < last { y } else { last };
+        self.row(if y > 0 { y as usize } else { 0 }, channel)
     }
 
     /// Bands of [`BAND`] rows, to be written in parallel.

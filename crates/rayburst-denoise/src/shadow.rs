@@ -15,10 +15,11 @@ use rayon::prelude::*;
 
 use crate::{
     Result, SurfaceTolerance, Surfaces,
-    bilateral::{Bilateral, Blocks, MOST_RADIUS, Reach},
+    bilateral::{Bilateral, MOST_RADIUS, Reach},
+    blocks::{Blocks, note},
     checks,
-    lanes::{LANES, greater, lesser},
-    scratch::{BAND, MARGIN, Scratch, ScratchBand, fit, padded_row},
+    lanes::{greater, lesser},
+    scratch::{MARGIN, Scratch, ScratchBand, fit, padded_row},
 };
 
 /// Diameter of a light over its distance, as the surface sees it: twice the tangent of half its angle.
@@ -68,13 +69,8 @@ pub struct ShadowFilter {
     scratch: Scratch,
     blocked: [Scratch; 2],
     lengths: Scratch,
-    kinds: Vec<u8>,
     blocks: Blocks,
 }
-
-/// Bits of a block's kind: rays that are not blocked, rays that are.
-const LIT: u8 = 1;
-const DARK: u8 = 2;
 
 impl ShadowFilter {
     /// A filter for an instruction set.
@@ -85,8 +81,7 @@ impl ShadowFilter {
             scratch: Scratch::default(),
             blocked: [Scratch::default(), Scratch::default()],
             lengths: Scratch::default(),
-            kinds: Vec::new(),
-            blocks: Vec::new(),
+            blocks: Blocks::default(),
         }
     }
 
@@ -115,15 +110,14 @@ impl ShadowFilter {
         fit(out, size)?;
         self.resize(size);
         let isa = self.isa;
-        let columns = self.value.width().div_ceil(LANES);
         let bands = self.value.bands_mut().zip(self.blocked[0].bands_mut());
-        bands.zip(self.kinds.par_chunks_mut(columns)).for_each(|((value, blocked), kinds)| {
+        bands.zip(self.blocks.kinds_mut()).for_each(|((value, blocked), kinds)| {
             isa.dispatch(Take { seen, distance, light, value, blocked, kinds });
         });
-        self.classify(settings);
+        self.blocks.classify(settings.search.max(settings.most_radius));
         let [near, far] = &mut self.blocked;
         let factors = settings.tolerance.factors();
-        let blocks = Some(&self.blocks);
+        let blocks = &self.blocks;
         let reach = Reach::Pixels(settings.search);
         let pass = |axis, input: &Scratch, out: &mut Scratch| {
             out.bands_mut().for_each(|band| {
@@ -159,29 +153,7 @@ impl ShadowFilter {
         for scratch in &mut self.blocked {
             scratch.resize(size, 2);
         }
-        let blocks = self.value.width().div_ceil(LANES) * self.value.height().div_ceil(BAND);
-        self.kinds.resize(blocks, 0);
-        self.blocks.resize(blocks, false);
-    }
-
-    /// Finds the blocks that have both lit and blocked rays within a kernel's reach.
-    fn classify(&mut self, settings: &ShadowSettings) {
-        let (columns, kinds) = (self.value.width().div_ceil(LANES), &self.kinds);
-        let rows = kinds.len() / columns;
-        let reach = settings.search.max(settings.most_radius);
-        let across = (reach / LANES as f32).ceil() as usize;
-        let down = (reach / BAND as f32).ceil() as usize;
-        self.blocks.par_chunks_mut(columns).enumerate().for_each(|(j, blocks)| {
-            for (i, block) in blocks.iter_mut().enumerate() {
-                let mut kind = 0;
-                for row in j.saturating_sub(down)..=(j + down).min(rows - 1) {
-                    for column in i.saturating_sub(across)..=(i + across).min(columns - 1) {
-                        kind |= kinds[row * columns + column];
-                    }
-                }
-                *block = kind == LIT | DARK;
-            }
-        });
+        self.blocks.resize(size);
     }
 }
 
@@ -204,7 +176,6 @@ impl Kernel for Take<'_> {
 
     #[inline(always)]
     fn run<I: Isa>(mut self, _: I) {
-        self.kinds.fill(0);
         let width = self.seen.width() as usize;
         for y in self.value.rows() {
             let seen = padded_row(self.seen, y);
@@ -213,14 +184,7 @@ impl Kernel for Take<'_> {
             for x in 0..seen.len() {
                 value[x] = greater(lesser(seen[x], 1.0), 0.0);
             }
-            for (kind, block) in self.kinds.iter_mut().zip(value[..width].chunks(LANES)) {
-                let (mut least, mut most) = (1.0f32, 0.0f32);
-                for &value in block {
-                    least = lesser(value, least);
-                    most = greater(value, most);
-                }
-                *kind |= if most > 0.0 { LIT } else { 0 } | if least < 1.0 { DARK } else { 0 };
-            }
+            note(self.kinds, &value[..width]);
             let share = &mut self.blocked.row_mut(y, 1)[MARGIN..][..seen.len()];
             for x in 0..seen.len() {
                 let blocked = distance[x] > 0.0 && distance[x] < WIDEST;

@@ -1,6 +1,7 @@
 //! Several planes row by row in one piece of memory, with room at both sides.
 
 use rayburst_image::Plane;
+use rayburst_simd::Isa;
 
 use crate::Result;
 
@@ -8,6 +9,18 @@ use crate::Result;
 pub(crate) const BAND: usize = 8;
 /// Values that kernels work on at a time: rows are multiples of it.
 pub(crate) const BLOCK: usize = 16;
+
+/// How many values before kernels reach them memory is asked for: rows of many channels are more streams than
+/// the CPU foresees by itself.
+pub(crate) const AHEAD: usize = 4 * BLOCK;
+
+/// Asks for the blocks of some channels that lie a stride apart, at an index of the first.
+#[inline(always)]
+pub(crate) fn prefetch<I: Isa>(isa: I, values: &[f32], at: usize, stride: usize, channels: usize) {
+    for channel in 0..channels {
+        isa.prefetch(values.as_ptr().wrapping_add(at + channel * stride));
+    }
+}
 
 /// A block of values.
 pub(crate) type Lanes = [f32; BLOCK];

@@ -42,8 +42,8 @@ impl SurfaceTolerance {
 /// The surfaces that pixels show, as filters of space compare them: prepared once for a frame and used by
 /// all of its filters.
 ///
-/// On a plane the reciprocal of the depth is linear over the picture, so a pixel and the slope at it say
-/// how deep its neighbours are if they show the same plane.
+/// On a plane the reciprocal of the depth is linear over a perspective picture, so a pixel and the slope at
+/// it say how deep its neighbours are if they show the same plane.
 #[derive(Clone, Debug)]
 pub struct Surfaces {
     isa: IsaLevel,

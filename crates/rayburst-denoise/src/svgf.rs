@@ -16,6 +16,7 @@ use crate::{
     error::check,
     estimate::estimate,
     geometry,
+    inspect::Level,
     reprojection::same_size,
     stack::BAND,
 };
@@ -70,8 +71,8 @@ impl SvgfSettings {
 
 /// The filter for N signals (direct and indirect light, say) that share their guides, and its history.
 ///
-/// Once it has filtered a frame, it allocates nothing for the next of the same size. Pictures depend
-/// neither on the number of threads nor on the instruction set.
+/// Once it has filtered a frame, it allocates nothing for the next of the same size. Pictures do not
+/// depend on the number of threads, and on the instruction set by no more than rounding.
 #[derive(Clone, Debug)]
 pub struct Svgf<const N: usize> {
     isa: IsaLevel,
@@ -82,6 +83,8 @@ pub struct Svgf<const N: usize> {
     signals: [Stack; 2],
     /// The variance that the first level read, N channels.
     variance: Stack,
+    /// How the last frame was filtered.
+    last: SvgfSettings,
 }
 
 impl<const N: usize> Svgf<N> {
@@ -94,6 +97,7 @@ impl<const N: usize> Svgf<N> {
             geometry: Stack::default(),
             signals: Default::default(),
             variance: Stack::default(),
+            last: SvgfSettings::default(),
         }
     }
 
@@ -161,6 +165,7 @@ impl<const N: usize> Svgf<N> {
         settings: &SvgfSettings,
         outputs: &mut [Plane3; N],
     ) -> Result<()> {
+        self.last = *settings;
         let taps = self.reprojection.taps();
         for ((history, signal), change) in self.histories.iter_mut().zip(signals).zip(changes) {
             let channels = signal.channels.each_ref();
@@ -233,6 +238,20 @@ impl<const N: usize> Svgf<N> {
     /// A row of the variance of a signal's luminance that the last frame's first level was guided by.
     pub fn variance_row(&self, signal: usize, y: u32) -> &[f32] {
         self.variance.row(signal.min(N - 1), y)
+    }
+
+    /// By row and column the share that each of the last level's taps had in a pixel of the last frame; all
+    /// zero without levels or outside the picture.
+    pub fn last_weights(&self, signal: usize, x: u32, y: u32) -> [[f32; 5]; 5] {
+        let [_, from] = &self.signals;
+        let (width, height) = from.size();
+        let Some(level) = self.last.levels.checked_sub(1).filter(|_| x < width && y < height)
+        else {
+            return [[0.0; 5]; 5];
+        };
+        let (stopping, plain) = (self.last.stopping, !self.last.variance);
+        let level = Level { geometry: &self.geometry, from, level, stopping, plain };
+        level.weights(signal.min(N - 1), (x, y))
     }
 
     /// A row of what the last frame's levels left of that variance.

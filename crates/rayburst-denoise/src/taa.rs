@@ -150,16 +150,13 @@ impl Kernel for Resolve<'_> {
         let width = self.before.width();
         let total = (self.across[0] + self.across[1] + self.across[2])
             * (self.down[0] + self.down[1] + self.down[2]);
+        let mut blended = Blended::EMPTY;
+        blended.weight = [total; LANES];
+        let mut out = [[0.0; LANES]; 4];
         for row in 0..self.now.len() / width {
             for x in (0..width).step_by(LANES) {
-                let mut blended = self.gather(self.top + row, x);
-                for c in 0..3 {
-                    for i in 0..LANES {
-                        blended.now[c][i] /= total;
-                    }
-                }
-                blended.weight = [total; LANES];
-                let out = blended.blend(&self.blend);
+                self.gather(self.top + row, x, 1.0 / total, &mut blended);
+                blended.blend(&self.blend, &mut out);
                 self.write(row, x, &out);
             }
         }
@@ -169,24 +166,30 @@ impl Kernel for Resolve<'_> {
 impl Resolve<'_> {
     /// What is known of sixteen pixels, but for the weight.
     #[inline(always)]
-    fn gather(&self, y: usize, x: usize) -> Blended {
-        let mut blended = Blended::EMPTY;
+    fn gather(&self, y: usize, x: usize, share: f32, blended: &mut Blended) {
         let at = MARGIN + x;
-        [blended.mean, blended.deviation] = self.frame.statistics(y, at);
+        self.frame.statistics(y, at, &mut blended.mean, &mut blended.deviation);
         for c in 0..3 {
+            let mut sum = [0.0; LANES];
             for j in 0..3 {
                 let row = self.frame.colour().near_row(y as isize + j as isize - 1, c);
                 for i in 0..3 {
-                    let (weight, near) = (self.down[j] * self.across[i], load(row, at + i - 1));
+                    let near = load(row, at + i - 1);
+                    let weight = self.down[j] * self.across[i] * share;
                     for lane in 0..LANES {
-                        blended.now[c][lane] += weight * near[lane];
+                        sum[lane] += weight * near[lane];
                     }
                 }
             }
+            blended.now[c] = sum;
         }
-        let motion = self.frame.motion(y, at);
+        for c in 0..4 {
+            blended.history[c] = [0.0; LANES];
+        }
+        let nearest = self.frame.nearest(y, at);
         for i in 0..LANES.min(self.before.width() - x) {
-            let (px, py) = ((x + i) as f32 + motion[0][i], y as f32 + motion[1][i]);
+            let [mx, my] = self.frame.motion(nearest[i], y, at + i);
+            let (px, py) = ((x + i) as f32 + mx, y as f32 + my);
             if !self.before.contains(px, py) {
                 continue;
             }
@@ -206,7 +209,6 @@ impl Resolve<'_> {
                     if taps[i].is_some() || weight < 1.0 { weight } else { 1.0 };
             }
         }
-        blended
     }
 
     #[inline(always)]

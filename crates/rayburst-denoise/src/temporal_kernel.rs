@@ -6,7 +6,7 @@ use rayburst_simd::{Isa, Kernel};
 use crate::{
     Accumulation, LARGEST,
     reprojection::Taps,
-    stack::{BLOCK, Lanes, Stack, lanes},
+    stack::{AHEAD, BLOCK, Lanes, Stack, lanes, prefetch},
     temporal::Temporal,
 };
 
@@ -37,12 +37,20 @@ impl<const C: usize> Kernel for Accumulate<'_, C> {
     type Output = ();
 
     #[inline(always)]
-    fn run<I: Isa>(mut self, _: I) {
+    fn run<I: Isa>(mut self, isa: I) {
         let rows = std::mem::take(&mut self.rows);
         let (margin, stride) = (self.before.margin(), self.before.stride());
-        let width = self.before.size().0 as usize;
+        let (width, height) = (self.before.size().0 as usize, self.before.size().1);
         for (y, rows) in (self.top..).zip(rows.chunks_exact_mut(self.before.band_len(1))) {
             for x in (0..width).step_by(BLOCK) {
+                let ahead = margin + x + AHEAD;
+                let below = self.before.rows((y as u32 + 1).min(height - 1));
+                prefetch(isa, below, ahead, stride, C + 3);
+                prefetch(isa, rows, ahead, stride, C + 3);
+                let at = y * self.taps.stride() + x + AHEAD;
+                for plane in self.samples {
+                    prefetch(isa, plane.values(), at, 0, 1);
+                }
                 let block = self.accumulate(y * self.taps.stride() + x);
                 let mut store = |channel: usize, values: &Lanes| {
                     rows[channel * stride + margin + x..][..BLOCK].copy_from_slice(values);

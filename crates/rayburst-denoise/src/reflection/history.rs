@@ -174,36 +174,25 @@ impl Kernel for Accumulate<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<I: Isa>(self, _: I) {
+    fn run<I: Isa>(mut self, _: I) {
         let width = self.before.light.width();
-        let stride = self.object.stride();
-        let Self { settings, .. } = self;
+        let (stride, settings) = (self.object.stride(), self.settings);
         let (deviations, longest) = (settings.deviations, settings.longest);
         let blend = Blend { deviations, longest, dimming: 0.0 };
+        let mut blended = Blended::EMPTY;
+        blended.weight = [1.0; LANES];
+        let mut found = [[0.0; LANES]; 4];
         for row in 0..self.light.len() / width {
             let y = self.top + row;
             for x in (0..width).step_by(LANES) {
-                let mut blended = Blended::EMPTY;
                 let at = MARGIN + x;
-                [blended.mean, blended.deviation] = self.around.statistics(y, at);
+                let (mean, deviation) = (&mut blended.mean, &mut blended.deviation);
+                self.around.statistics(y, at, mean, deviation);
                 for c in 0..3 {
                     blended.now[c] = load(self.around.colour().row(y, c), at);
                 }
-                blended.weight = [1.0; LANES];
-                let mut distance = load(padded_row(self.frame.distance, y), x);
-                for i in 0..LANES {
-                    distance[i] = greater(lesser(distance[i], FARTHEST), 1.0 / FARTHEST);
-                }
-                let images = self.images(y, x, &distance);
-                for i in 0..LANES.min(width - x) {
-                    let image = [images[0][i], images[1][i]];
-                    let (history, about) = self.pixel(y * stride + x + i, distance[i], image);
-                    for c in 0..4 {
-                        blended.history[c][i] = history[c];
-                    }
-                    self.about[row * width + x + i] = about;
-                }
-                let found = blended.blend(&blend);
+                self.history(y, x, row, &mut blended.history);
+                blended.blend(&blend, &mut found);
                 let mut colour = [[0.0; LANES]; 3];
                 for i in 0..LANES {
                     let rgb = from_ycocg([found[0][i], found[1][i], found[2][i]]);
@@ -224,53 +213,90 @@ impl Kernel for Accumulate<'_> {
 }
 
 impl Accumulate<'_> {
-    /// What a pixel's history is, and what is to be kept about the pixel. `at` is where the frame before saw
-    /// its virtual image.
+    /// What the histories of sixteen pixels are; keeps what the next frame is to know of the pixels.
     #[inline(always)]
-    fn pixel(&self, index: usize, distance: f32, at: [f32; 2]) -> (Texel, Texel) {
-        let nearness = 1.0 / distance;
-        let object = (self.object.at(index) & 0xff_ffff) as f32;
-        let about = [nearness, object, 0.0, 0.0];
-        let roughness = lesser(greater(self.frame.roughness.at(index), 0.0), 1.0);
-        let settings = self.settings;
-        let share = (roughness - settings.sharp) / (settings.broad - settings.sharp);
-        let share = lesser(greater(share, 0.0), 1.0);
-        let share = share * share * (3.0 - 2.0 * share);
-        let mut sum = [0.0; 4];
-        let mut weights = 0.0;
-        if share < 1.0 && self.before.light.contains(at[0], at[1]) {
-            let seen = self.before.about.near((at[0] + 4.5) as i32 - 4, (at[1] + 4.5) as i32 - 4);
-            let most = greater(greater(seen[0], nearness), 1.0 / FARTHEST);
-            let off = (seen[0] - nearness).abs() / (most * (settings.distance + roughness));
-            let alike = greater(1.0 - off * off, 0.0);
-            if alike > 0.0 && seen[1] == object {
-                let texel = self.before.light.cubic(at[0], at[1]);
-                let weight = (1.0 - share) * alike;
-                for c in 0..3 {
-                    sum[c] += weight * texel[c];
-                }
-                sum[3] += weight * greater(texel[3], 0.0);
-                weights += weight;
+    fn history(&mut self, y: usize, x: usize, row: usize, history: &mut [Lanes; 4]) {
+        let width = self.before.light.width();
+        let (settings, lanes) = (self.settings, LANES.min(width - x));
+        let mut distance = load(padded_row(self.frame.distance, y), x);
+        let mut roughness = load(padded_row(self.frame.roughness, y), x);
+        let mut nearness = [0.0; LANES];
+        let mut share = [0.0; LANES];
+        let mut object = [0.0; LANES];
+        let objects = &self.object.values()[y * self.object.stride() + x..][..LANES];
+        let steep = 1.0 / (settings.broad - settings.sharp);
+        for i in 0..LANES {
+            distance[i] = greater(lesser(distance[i], FARTHEST), 1.0 / FARTHEST);
+            nearness[i] = 1.0 / distance[i];
+            roughness[i] = lesser(greater(roughness[i], 0.0), 1.0);
+            let ramp = lesser(greater((roughness[i] - settings.sharp) * steep, 0.0), 1.0);
+            share[i] = ramp * ramp * (3.0 - 2.0 * ramp);
+            object[i] = (objects[i] & 0xff_ffff) as f32;
+        }
+        let images = self.images(y, x, &distance);
+        let mut seen = [[0.0; LANES], [-1.0; LANES]];
+        for i in 0..lanes {
+            let (u, v) = (images[0][i], images[1][i]);
+            if share[i] < 1.0 && self.before.light.contains(u, v) {
+                let about = self.before.about.near((u + 4.5) as i32 - 4, (v + 4.5) as i32 - 4);
+                (seen[0][i], seen[1][i]) = (about[0], about[1]);
             }
         }
-        let taps = self.taps.at(index);
-        if share > 0.0 && taps.is_some() {
-            for k in 0..4 {
-                let (i, j) = (taps.x as i32 + k % 2, taps.y as i32 + k / 2);
-                let texel = self.before.light.near(i, j);
-                let weight = share * taps.weights[k as usize];
+        let mut weight = [0.0; LANES];
+        for i in 0..LANES {
+            let most = greater(greater(seen[0][i], nearness[i]), 1.0 / FARTHEST);
+            let room = most * (settings.distance + roughness[i]);
+            let off = (seen[0][i] - nearness[i]) / room;
+            let alike = greater(1.0 - off * off, 0.0) * (1.0 - share[i]);
+            weight[i] = if seen[1][i] == object[i] { alike } else { 0.0 };
+        }
+        for c in 0..4 {
+            history[c] = [0.0; LANES];
+        }
+        for i in 0..lanes {
+            let mut sum = [0.0; 4];
+            if weight[i] > 0.0 {
+                sum = self.before.light.cubic(images[0][i], images[1][i]);
+                sum[3] = greater(sum[3], 0.0);
                 for c in 0..4 {
-                    sum[c] += weight * texel[c];
+                    sum[c] *= weight[i];
                 }
             }
-            weights += share;
+            if share[i] > 0.0 {
+                let surface = self.surface(y * self.object.stride() + x + i);
+                for c in 0..4 {
+                    sum[c] += share[i] * surface[c];
+                }
+                weight[i] += if surface[3] > 0.0 { share[i] } else { 0.0 };
+            }
+            for c in 0..4 {
+                history[c][i] = sum[c];
+            }
+            self.about[row * width + x + i] = [nearness[i], object[i], 0.0, 0.0];
         }
-        if weights > 0.0 {
+        for i in 0..LANES {
+            let scale = 1.0 / greater(weight[i], 1e-6);
             for c in 0..3 {
-                sum[c] /= weights;
+                history[c][i] *= scale;
             }
         }
-        (sum, about)
+    }
+
+    /// The history of a pixel's surface; zero without one.
+    #[inline(always)]
+    fn surface(&self, index: usize) -> Texel {
+        let taps = self.taps.at(index);
+        let mut sum = [0.0; 4];
+        if taps.is_some() {
+            let (x, y) = (taps.x as i32, taps.y as i32);
+            for k in 0..4 {
+                let texel = self.before.light.near(x + k % 2, y + k / 2);
+                for c in 0..4 {
+                    sum[c] += taps.weights[k as usize] * texel[c];
+                }
+            }
+        }
+        sum
     }
 
     /// Where the frame before saw what sixteen pixels' virtual images show, in pixels from the first one's

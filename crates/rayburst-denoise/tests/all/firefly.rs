@@ -71,7 +71,8 @@ fn hue_stays() {
 /// Of stationary noise no more is lost than the bound, plus what comes of few neighbours.
 #[test]
 fn the_loss_of_energy_is_bounded() {
-    let kinds: [(&str, fn(&mut Rng) -> f32); 4] = [
+    type Draw = fn(&mut Rng) -> f32;
+    let kinds: [(&str, Draw); 4] = [
         ("uniform", |rng| 2.0 * rng.f32()),
         ("exponential", |rng| -(1.0 - rng.f32()).ln()),
         ("one in four", |rng| if rng.f32() < 0.25 { 4.0 } else { 0.0 }),
@@ -119,4 +120,13 @@ fn threads_and_instruction_sets_do_not_matter() {
     let mut rng = Rng::new(3);
     let colour = fill3((67, 41), |_, _| rng.vec3() * if rng.f32() < 0.02 { 50.0 } else { 1.0 });
     assert_same_everywhere(|isa| pixels3(&filtered(isa, &colour, FireflySettings::default())));
+}
+
+#[test]
+fn light_noise_keeps_its_mean() {
+    let mut rng = Rng::new(2);
+    let colour = fill3((128, 96), |_, _| 0.5 + rng.vec3());
+    let out = filtered(isa(), &colour, FireflySettings::default());
+    let (before, after) = (mean(&pixels3(&colour)), mean(&pixels3(&out)));
+    assert!((after / before - 1.0).abs() < 1e-3, "{before} {after}");
 }

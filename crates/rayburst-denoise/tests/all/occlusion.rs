@@ -75,14 +75,12 @@ fn noise_of_a_wedge_falls() {
     let before = rmse(&pixels(&input[0]), &pixels(&exact));
     let after = rmse(&pixels(&out), &pixels(&exact));
     let (m, n) = (mean(&pixels(&exact)), mean(&pixels(&out)));
-    println!("wedge: rmse {before:.4} to {after:.4}; mean {m:.4} to {n:.4}");
     assert!(4.0 * after < before, "{before} to {after}");
     assert!((n / m - 1.0).abs() < 0.01, "{m} {n}");
     // One ray for every 2×2 pixels.
     let shared = input.clone().map(|plane| fill(plane.size(), |x, y| plane.get(x & !1, y & !1)));
     let before = rmse(&pixels(&shared[0]), &pixels(&exact));
     let after = rmse(&pixels(&spaced(isa(), &view, &shared, 2)), &pixels(&exact));
-    println!("rays shared by 2×2 pixels: rmse {before:.4} to {after:.4}");
     assert!(2.5 * after < before, "{before} to {after}");
     // A kernel of the same width everywhere is worse at the edge, where occluders are near.
     let near = |plane: &Plane| -> Vec<f32> {
@@ -101,8 +99,7 @@ fn noise_of_a_wedge_falls() {
         .filter(&view.surfaces(isa()), &input[0], &input[1], &wide, &mut blurred)
         .unwrap();
     let bias = |plane: &Plane| mean(&near(plane)) - mean(&near(&exact));
-    println!("bias at the edge: {:.4}, with wide kernels {:.4}", bias(&out), bias(&blurred));
-    assert!(2.0 * bias(&out).abs() < bias(&blurred).abs());
+    assert!(2.0 * bias(&out).abs() < bias(&blurred).abs(), "{} {}", bias(&out), bias(&blurred));
 }
 
 #[test]
@@ -115,8 +112,7 @@ fn near_occluders_are_kept_sharp_and_far_ones_are_not() {
         (0..96).filter(|&x| (0.25..0.85).contains(&out.get(x, 32))).count()
     };
     let widths = [0.01, 0.2, 0.5].map(blur);
-    println!("widths of a step: {widths:?}");
-    assert!(widths[0] <= 4 && widths[0] < widths[1] && widths[1] < widths[2]);
+    assert!(widths[0] <= 4 && widths[0] < widths[1] && widths[1] < widths[2], "{widths:?}");
 }
 
 #[test]

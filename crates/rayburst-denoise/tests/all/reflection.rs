@@ -168,8 +168,10 @@ fn rough_reflections_come_nearer_to_the_integral() {
         let after = rmse(&pixels3(&full.radiance), &exact);
         let smooth = pixels3(&smoothed(isa(), &view, &full, &roughness));
         let last = rmse(&smooth, &exact);
-        println!("roughness {value}: rmse {alone:.4}, resolved {after:.4}, smoothed {last:.4}");
-        assert!(resolve_factor * after < alone && filter_factor * last < after, "{value}");
+        assert!(
+            resolve_factor * after < alone && filter_factor * last < after,
+            "{value}: {alone} {after} {last}"
+        );
         let (m, n) = (mean(&pixels3(&full.radiance)), mean(&smooth));
         assert!((n / m - 1.0).abs() < 0.01, "{m} {n}");
     }
@@ -227,14 +229,12 @@ fn kernels_are_drawn_out_at_grazing_angles() {
     let eye = Eye::look(Vec3::new(0.0, 1.0, 6.0), Vec3::ZERO, 0.15, (64, 64));
     let grazing = View::new(eye, &[(Vec3::ZERO, Vec3::Y, &|_| true)]);
     let [x, y] = spread(&grazing, 0.5);
-    println!("grazing: {x:.2} by {y:.2} pixels");
     assert!(y > 2.0 * x, "{x} {y}");
     // The same on its side.
     let eye = Eye::look(Vec3::new(1.0, 0.0, 6.0), Vec3::ZERO, 0.15, (64, 64));
     let [x, y] = spread(&View::new(eye, &[(Vec3::ZERO, Vec3::X, &|_| true)]), 0.5);
     assert!(x > 2.0 * y, "{x} {y}");
     let [x, y] = spread(&View::wall(64, 64), 0.5);
-    println!("facing: {x:.2} by {y:.2} pixels");
     assert!((x / y - 1.0).abs() < 0.1 && x > 1.0, "{x} {y}");
     // Rougher is wider, and mirrors are left alone.
     assert!(spread(&View::wall(64, 64), 0.12)[0] < 0.7 * x);
@@ -296,11 +296,9 @@ fn mirror_images_are_followed_where_surfaces_are_not() {
     let settings = ReflectionHistorySettings { deviations: 1e6, ..Default::default() };
     let [before, image] = moving(0.0, &settings);
     let [_, surface] = moving(1.0, &settings);
-    println!("moving eye: rmse {before:.4}, by the image {image:.4}, by the surface {surface:.4}");
-    assert!(2.5 * image < before && 2.0 * image < surface);
+    assert!(2.5 * image < before && 2.0 * image < surface, "{before} {image} {surface}");
     let [_, clipped] = moving(0.0, &ReflectionHistorySettings::default());
-    println!("with clipping {clipped:.4}");
-    assert!(2.0 * clipped < before);
+    assert!(2.0 * clipped < before, "{before} {clipped}");
 }
 
 #[test]

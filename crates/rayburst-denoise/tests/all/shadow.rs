@@ -75,9 +75,6 @@ fn penumbrae_are_as_wide_as_they_should_be() {
         let (found, expected) = (width(&out), width(&exact));
         let error = rmse(&pixels(&out), &pixels(&exact));
         let before = rmse(&pixels(&input[0]), &pixels(&exact));
-        println!(
-            "height {height}: {found:.2} px, truth {expected:.2}; rmse {before:.4} to {error:.4}"
-        );
         assert!((found / expected - 1.0).abs() < 0.2, "{height}: {found}, truth {expected}");
         // Penumbrae of a pixel have nothing to gain.
         let factor = if expected > 4.0 { 3.0 } else { 1.0 };
@@ -99,7 +96,6 @@ fn foreshortened_floors_are_smoothed_as_far_as_others() {
         });
         let before = rmse(&pixels(&input[0]), &pixels(&exact));
         let error = rmse(&pixels(&filtered(isa(), &view, &input)), &pixels(&exact));
-        println!("grazing, height {height}: rmse {before:.4} to {error:.4}");
         assert!(factor * error < before, "{height}: {before} to {error}");
     }
 }
@@ -236,8 +232,7 @@ fn frames_are_averaged_while_shadows_rest() {
     let view = View::floor(160, 96, 40.0);
     let exact = pixels(&fill((160, 96), |x, y| truth(view.position.get(x, y).x, 2.0)));
     let (alone, after) = (rmse(&pixels(&share), &exact), rmse(&pixels(&out), &exact));
-    println!("resting shadow: rmse of a filtered frame {alone:.4}, accumulated {after:.4}");
-    assert!(1.3 * after < alone);
+    assert!(1.3 * after < alone, "{alone} {after}");
 }
 
 #[test]
@@ -252,8 +247,7 @@ fn moved_shadows_leave_no_ghost() {
     let default = ShadowHistorySettings::default();
     let found = error(&default);
     let plain = error(&ShadowHistorySettings { slack: 1e3, ..default });
-    println!("moved shadow after 4 frames: rmse {found:.4}, by plain accumulation {plain:.4}");
-    assert!(found < 0.03 && 5.0 * found < plain);
+    assert!(found < 0.03 && 5.0 * found < plain, "{found} {plain}");
 }
 
 #[test]

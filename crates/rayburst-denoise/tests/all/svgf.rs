@@ -186,3 +186,73 @@ fn what_is_handed_out_is_no_history() {
     }
     assert_eq!(rmse(&results[0][0], &results[1][0]), 0.0);
 }
+
+#[test]
+fn weights_can_be_looked_at() {
+    let (w, h) = (40, 30);
+    let mut frame = Frame::wall(w, h);
+    for y in 0..h {
+        for x in 0..w {
+            frame.depth.set(x, y, 5.0 + 0.1 * x as f32);
+            frame.object.set(x, y, if x < 20 { 1 } else { 2 });
+        }
+    }
+    let truth = colours(w, h, light);
+    let noisy = noise(&truth, 77);
+    let mut svgf = Svgf::<1>::new(IsaLevel::detect());
+    let mut out = [truth.clone()];
+    for variance in [true, false] {
+        let settings = SvgfSettings { levels: 1, temporal: false, variance, ..Default::default() };
+        svgf.filter(&frame.guides(), [&noisy], &settings, &mut out).unwrap();
+        for (x, y) in [(0, 0), (39, 29), (19, 7), (20, 15), (10, 29)] {
+            let weights = svgf.last_weights(0, x, y);
+            let (mut sum, mut colour) = (0.0, Vec3::ZERO);
+            for (row, qy) in weights.iter().zip(i64::from(y) - 2..) {
+                for (weight, qx) in row.iter().zip(i64::from(x) - 2..) {
+                    let inside = (0..i64::from(w)).contains(&qx) && (0..i64::from(h)).contains(&qy);
+                    let same = inside && (qx < 20) == (x < 20);
+                    assert!(if same { *weight >= 0.0 } else { *weight == 0.0 });
+                    if same {
+                        colour += *weight * noisy.get(qx as u32, qy as u32);
+                    }
+                    sum += weight;
+                }
+            }
+            assert!((sum - 1.0).abs() < 1e-5);
+            let error = (colour - out[0].get(x, y)).abs().max_element();
+            assert!(error < 1e-3 * (1.0 + colour.x), "{x} {y}: {error}");
+        }
+    }
+    assert_eq!(svgf.last_weights(0, w, 0), [[0.0; 5]; 5]);
+}
+
+#[test]
+fn a_camera_that_pans_keeps_its_history() {
+    // A smooth wall passes by with two thirds of a pixel per frame.
+    let (w, h) = (72, 48);
+    let mut frame = Frame::wall(w, h);
+    frame.motion[0].fill(-2.0 / 3.0);
+    let wall = |u: f32, v: f32| {
+        Vec3::new(2.0, 1.0, 0.5) * (1.0 + 0.5 * (0.2 * u).sin() * (0.15 * v).cos())
+    };
+    let errors = [true, false].map(|temporal| {
+        let mut svgf = Svgf::<1>::new(IsaLevel::detect());
+        let settings = SvgfSettings { temporal, ..SvgfSettings::default() };
+        let mut out = [Plane3::new(w, h).unwrap()];
+        let mut error = 0.0;
+        for n in 0..20 {
+            let u = |x: u32| x as f32 - 2.0 * n as f32 / 3.0;
+            let truth = colours(w, h, |x, y| wall(u(x), y as f32));
+            let noisy = noise(&truth, 900 + n);
+            svgf.filter(&frame.guides(), [&noisy], &settings, &mut out).unwrap();
+            error = rmse(&out[0], &truth) / rmse(&noisy, &truth);
+        }
+        // The left edge has just come into the picture, the right one has long been there.
+        if temporal {
+            let lengths = svgf.history(0).length_row(20);
+            assert!(lengths[0] < 4.0 && lengths[70] > 19.0, "{lengths:?}");
+        }
+        error
+    });
+    assert!(errors[0] < 0.13 && errors[0] < 0.7 * errors[1], "{errors:?}");
+}

@@ -1,14 +1,14 @@
 //! Temporal anti-aliasing: what still pictures converge to, and that nothing stays that is gone.
 
 use glam::{Vec2, Vec3};
-use rayburst_denoise::{DenoiseError, TaaSettings, TemporalAntialiasing};
+use rayburst_denoise::{DenoiseError, TaaSettings, Taps, TemporalAntialiasing};
 use rayburst_image::{Plane, Plane3};
 use rayburst_math::hash::Rng;
 use rayburst_simd::IsaLevel;
 
 use crate::views::{
-    SIZES, View, assert_near, assert_same_everywhere, assert_sane, fill3, isa, jitter, pattern,
-    pixels3, rmse, spoil3, supersampled,
+    SIZES, View, assert_near, assert_same_everywhere, assert_sane, fill3, isa, jitter, mean,
+    pattern, pixels3, rmse, spoil3, supersampled,
 };
 
 const SIZE: (u32, u32) = (96, 64);
@@ -44,10 +44,7 @@ fn still_pictures_converge_to_supersampled_ones() {
     let (few, many) = (error(8, &default), error(64, &default));
     let loose = TaaSettings { deviations: 1e3, longest: 64.0, ..default };
     let exact = error(64, &loose);
-    println!(
-        "rmse of a frame {alone:.4}, 8 frames {few:.4}, 64 {many:.4}, without clipping {exact:.4}"
-    );
-    assert!(few < 0.5 * alone && many < 0.25 * alone);
+    assert!(few < 0.5 * alone && many < 0.25 * alone, "{alone} {few} {many}");
     assert!(exact < 0.1 * alone, "{exact}");
 }
 
@@ -96,8 +93,7 @@ fn ghosts_go() {
         left.fold(0.0f32, |most, off| most.max(off.abs()))
     };
     let (clipped, free) = (run(TaaSettings::default().deviations), run(1e6));
-    println!("ghost after 8 frames: {clipped:.5}, without clipping {free:.3}");
-    assert!(clipped < 0.02 && free > 0.3);
+    assert!(clipped < 0.02 && free > 0.3, "{clipped} {free}");
 }
 
 #[test]
@@ -121,8 +117,7 @@ fn moving_pictures_are_followed() {
     }
     let (before, after) =
         (rmse(&pixels3(&noisy), &pixels3(&clean)), rmse(&pixels3(&out), &pixels3(&clean)));
-    println!("noise of a moving picture: rmse {before:.4} to {after:.4}");
-    assert!(2.0 * after < before);
+    assert!(2.0 * after < before, "{before} {after}");
 }
 
 #[test]
@@ -192,4 +187,40 @@ fn threads_and_instruction_sets_do_not_matter() {
         }
         pixels3(&out)
     });
+}
+
+#[test]
+fn means_are_kept_where_nothing_is_clipped() {
+    let view = View::wall(SIZE.0, SIZE.1);
+    let settings = TaaSettings { deviations: 1e6, ..TaaSettings::default() };
+    let mut rng = Rng::new(8);
+    let mut taa = TemporalAntialiasing::new(isa());
+    let (mut out, mut sums) = (Plane3::default(), [0.0; 2]);
+    for i in 0..16 {
+        let colour = fill3(SIZE, |_, _| rng.vec3());
+        taa.resolve(&colour, &view.guides(), jitter(i), None, &settings, &mut out).unwrap();
+        sums[0] += mean(&pixels3(&colour)) / 16.0;
+    }
+    sums[1] = mean(&pixels3(&out));
+    assert!((sums[1] / sums[0] - 1.0).abs() < 0.01, "{sums:?}");
+}
+
+#[test]
+fn a_surface_that_was_not_seen_counts_for_a_frame() {
+    // Black before, then white with a little texture; clipping is off.
+    let view = View::wall(32, 16);
+    let settings = TaaSettings { deviations: 1e6, ..TaaSettings::default() };
+    let run = |taps: Option<&Plane<Taps>>| {
+        let mut taa = TemporalAntialiasing::new(isa());
+        let mut out = Plane3::default();
+        for i in 0..9 {
+            let value = if i < 8 { 0.0 } else { 1.0 };
+            let colour = fill3((32, 16), |x, y| Vec3::splat(value + 0.01 * ((x + y) % 2) as f32));
+            taa.resolve(&colour, &view.guides(), Vec2::ZERO, taps, &settings, &mut out).unwrap();
+        }
+        mean(&pixels3(&out))
+    };
+    let none = Plane::new(32, 16).unwrap();
+    let (seen, unseen) = (run(None), run(Some(&none)));
+    assert!(seen < 0.2 && unseen > 0.45, "{seen} {unseen}");
 }

@@ -53,6 +53,9 @@ impl Eye {
     }
 }
 
+/// A plane: a point, the normal, and what part of it there is.
+pub(crate) type Part<'a> = (Vec3, Vec3, &'a dyn Fn(Vec3) -> bool);
+
 /// What an eye sees of planes.
 #[derive(Clone)]
 pub(crate) struct View {
@@ -66,8 +69,8 @@ pub(crate) struct View {
 }
 
 impl View {
-    /// The nearest of some planes, each given by a point, a normal and what part of it there is.
-    pub(crate) fn new(eye: Eye, planes: &[(Vec3, Vec3, &dyn Fn(Vec3) -> bool)]) -> Self {
+    /// The nearest of some planes.
+    pub(crate) fn new(eye: Eye, planes: &[Part<'_>]) -> Self {
         let (w, h) = eye.size;
         let plane = || Plane::new(w, h).unwrap();
         let vector = || Plane3::new(w, h).unwrap();
