@@ -69,12 +69,10 @@ impl Mean {
 
     /// The other layers.
     pub(super) fn layers(&self) -> impl Iterator<Item = Layer> {
-        let stretched = |layer: Layer, from| match from == self.size {
-            true => layer,
-            false => stretch(layer, from, self.size),
+        let finished = |sum: &LayerSum| {
+            let layer = sum.finished(self.frames)?;
+            Some(if sum.size == self.size { layer } else { stretch(layer, sum.size, self.size) })
         };
-        let finished =
-            |sum: &LayerSum| sum.finished(self.frames).map(|layer| stretched(layer, sum.size));
         self.layers.iter().filter_map(finished)
     }
 }
