@@ -137,13 +137,19 @@ impl<const N: usize> Kernel for LevelKernel<'_, N> {
                     from.rows((y as u32).saturating_sub(1)),
                     from.rows((y + 1).min(height - 1) as u32),
                 ];
-                let coming = (y + 3 * step).min(height - 1) as u32;
+                let coming = (y + 2 * step).min(height - 1) as u32;
                 let coming = Row { shape: geometry.rows(coming), values: from.rows(coming) };
                 let to = &mut to[index * length..][..length];
                 for x in (0..width).step_by(BLOCK) {
                     let (shape_at, at) = (geometry.margin() + x, from.margin() + x);
-                    prefetch(isa, coming.shape, shape_at, geometry.stride(), SLOPE);
-                    prefetch(isa, coming.values, at, from.stride(), N * SIGNAL);
+                    prefetch(
+                        isa,
+                        coming.shape,
+                        shape_at + AHEAD + 2 * step,
+                        geometry.stride(),
+                        SLOPE,
+                    );
+                    prefetch(isa, coming.values, at + AHEAD + 2 * step, from.stride(), N * SIGNAL);
                     prefetch(isa, to, at + AHEAD, from.stride(), N * SIGNAL);
                     self.block::<I>(&rows, near, x, to);
                 }

@@ -155,10 +155,8 @@ impl Gradients {
                     let value = luminance(signal.get(x, y).to_array());
                     let taps = taps.get(x, y);
                     if taps.is_some() && value.is_finite() {
-                        let colour =
-                            [0, 1, 2].map(|channel| taps.of_channel(history.stack(), channel));
                         now += value.clamp(0.0, LARGEST);
-                        before += luminance(colour).max(0.0);
+                        before += taps.of_channel(history.stack(), Temporal::<3>::MEAN).max(0.0);
                         count += 1.0;
                         place = Some((x, y));
                     }

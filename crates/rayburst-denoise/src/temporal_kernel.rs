@@ -8,6 +8,7 @@ use crate::{
     reprojection::Taps,
     stack::{AHEAD, BLOCK, Lanes, Stack, lanes, prefetch},
     temporal::Temporal,
+    variance::blend_variance,
 };
 
 /// Some rows of a [`Temporal`].
@@ -91,19 +92,17 @@ impl<const C: usize> Accumulate<'_, C> {
             let newest = (1.0 - (1.0 - alpha) * known).max(least).min(1.0);
             weight[i] = if is_finite { newest } else { 0.0 };
             block.length[i] = if is_finite { length } else { before };
-            // The same as in `blend_variance`.
             let newest = (1.0 - (1.0 - measure_alpha) * known).max(least).min(1.0);
-            let apart = sum - block.mean[i];
-            let step = newest * apart;
-            let variance = (1.0 - newest) * (block.variance[i] + step * apart);
-            block.mean[i] = if is_finite { block.mean[i] + step } else { block.mean[i] };
+            let (mean, variance) = blend_variance(block.mean[i], block.variance[i], sum, newest);
+            block.mean[i] = if is_finite { mean } else { block.mean[i] };
             block.variance[i] = if is_finite { variance } else { block.variance[i] };
         }
         for c in 0..C {
             for i in 0..BLOCK {
                 let value = block.values[c][i];
                 let sample = samples[c][i].clamp(-LARGEST, LARGEST);
-                let newest = value + weight[i] * (sample - value);
+                // Exact where all of the weight is the sample's, however large the history is.
+                let newest = (1.0 - weight[i]) * value + weight[i] * sample;
                 block.values[c][i] = if weight[i] > 0.0 { newest } else { value };
             }
         }

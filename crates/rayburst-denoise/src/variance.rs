@@ -80,7 +80,9 @@ impl RunningVariance {
 pub fn blend_variance(mean: f32, variance: f32, value: f32, alpha: f32) -> (f32, f32) {
     let apart = value - mean;
     let step = alpha * apart;
-    (mean + step, (1.0 - alpha) * (variance + step * apart))
+    // The mean is exact where all of the weight is the new number's, however large the old one is.
+    let keeps = 1.0 - alpha;
+    (keeps * mean + alpha * value, keeps * (variance + step * apart))
 }
 
 /// A running variance of every pixel.
