@@ -10,9 +10,9 @@ use rayburst_accel::{Instance, RayFlags, Tlas};
 use rayburst_math::{Hit, Ray};
 
 use crate::{
-    AnyHitResult, CallableId, RayType,
+    AnyHitResult, CallableId, DispatchError, RayType,
     call::{Call, TracedRay},
-    procedural::Reports,
+    procedural::{Reports, words_of},
 };
 
 /// Methods of every shader type.
@@ -48,7 +48,14 @@ macro_rules! calls {
             ray: &Ray,
             payload: &mut P,
         ) {
-            crate::trace::trace_ray(&self.call, ray_type.index, flags, mask, ray, payload);
+            let pipeline = self.call.dispatch.pipeline;
+            match pipeline.ray_types.get(pipeline.identity.index(ray_type.key)) {
+                Some(info) => crate::trace::trace_ray(&self.call, info, flags, mask, ray, payload),
+                None => self.call.fail(|launch| DispatchError::OtherPipeline {
+                    launch,
+                    payload: std::any::type_name::<P>(),
+                }),
+            }
         }
 
         /// How many more rays may be traced inside each other from here.
@@ -63,7 +70,7 @@ macro_rules! calls {
 
         /// Calls a callable shader (DXR's `CallShader`) and returns when it has.
         pub fn call_shader<D: 'static>(&self, shader: CallableId<D>, data: &mut D) {
-            crate::call::call_shader(&self.call, shader.index, data);
+            crate::call::call_shader(&self.call, shader, data);
         }
     };
 }
@@ -273,10 +280,7 @@ impl<P: 'static, A: Pod, R> Intersection<'_, '_, P, A, R> {
     /// Where an any hit shader ends the search, DXR ends this shader too; here it goes on, and what it
     /// reports later is not accepted.
     pub fn report_hit(&mut self, t: f32, kind: u8, attributes: A) -> bool {
-        let mut words = [0; 8];
-        bytemuck::cast_slice_mut(&mut words)[..size_of::<A>()]
-            .copy_from_slice(bytemuck::bytes_of(&attributes));
-        self.reports.report(t, kind, words)
+        self.reports.report(t, kind, words_of(&attributes))
     }
 
     /// The payload, which this shader must not change.
@@ -302,6 +306,6 @@ impl Callable<'_> {
 
     /// Calls another callable shader, or itself: up to 31 deep, beyond which the dispatch fails.
     pub fn call_shader<D: 'static>(&self, shader: CallableId<D>, data: &mut D) {
-        crate::call::call_shader(&self.call, shader.index, data);
+        crate::call::call_shader(&self.call, shader, data);
     }
 }

@@ -157,7 +157,7 @@ pub(crate) struct Record<'s, P, A, R> {
 }
 
 /// The attributes in the first words.
-fn attributes_of<A: Pod>(words: &Attributes) -> A {
+pub(crate) fn attributes_of<A: Pod>(words: &Attributes) -> A {
     bytemuck::pod_read_unaligned(&bytemuck::cast_slice(words)[..size_of::<A>()])
 }
 

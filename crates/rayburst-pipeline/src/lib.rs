@@ -68,6 +68,7 @@ mod call;
 mod context;
 mod error;
 mod hit_group;
+mod identity;
 mod pipeline;
 mod portable;
 mod procedural;
@@ -81,8 +82,8 @@ pub use error::{DispatchError, PipelineError};
 pub use hit_group::{AnyHitResult, Barycentrics, HitGroup, MAX_ATTRIBUTE_BYTES};
 pub use pipeline::{MAX_LAUNCHES, MAX_RECURSION_DEPTH, Pipeline};
 pub use portable::{
-    Next, PortableHit, PortableHitGroup, PortablePipeline, PortableRay, PortableRayType,
-    PortableTable, TraceRequest,
+    MAX_PORTABLE_REPORTS, Next, PortableCandidate, PortableHit, PortableHitGroup, PortablePipeline,
+    PortableRay, PortableRayType, PortableReport, PortableReports, PortableTable, TraceRequest,
 };
 pub use shaders::{ProceduralShaders, TriangleShaders};
 pub use storage::{RwBuffer, RwTexture};

@@ -92,7 +92,7 @@ impl CandidateFilter for AnyHitFilter<'_, '_> {
 /// Traces a ray and runs its shaders.
 pub(crate) fn trace_ray(
     call: &Call<'_>,
-    ray_type: u32,
+    ray_type: &RayTypeInfo,
     flags: RayFlags,
     mask: u8,
     ray: &Ray,
@@ -103,9 +103,6 @@ pub(crate) fn trace_ray(
         let limit = pipeline.max_recursion_depth;
         return call.fail(|launch| DispatchError::RecursionDepth { launch, limit });
     }
-    let Some(ray_type) = pipeline.ray_types.get(ray_type as usize) else {
-        return call.fail(|launch| DispatchError::OtherPipeline { launch });
-    };
     let call = Call { depth: call.depth + 1, ..*call };
     let traced = TracedRay { ray: *ray, flags };
     let search = Search { call, ray: &traced, ray_type };

@@ -23,6 +23,7 @@ mod miss;
 mod payloads;
 mod pipeline_errors;
 mod portable;
+mod portable_procedural;
 mod ray_extents;
 mod ray_flags;
 mod ray_generation;
