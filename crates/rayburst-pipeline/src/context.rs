@@ -165,6 +165,23 @@ macro_rules! hit_values {
             self.hit.kind == rayburst_math::HitKind::TRIANGLE_FRONT
         }
 
+        /// The corners of the triangle that was hit, in the instance's space (DXR's
+        /// `TriangleObjectPositions`); `None` if it was a procedural primitive. The first call for a BLAS
+        /// makes an index of four bytes a triangle.
+        pub fn triangle(&self) -> Option<[Vec3; 3]> {
+            let tlas = self.call.dispatch.tlas;
+            let blas = &tlas.blases()[self.instance().blas as usize];
+            blas.triangle(self.hit.geometry, self.hit.primitive)
+        }
+
+        /// A normal of the instance's space in the world, of length one: by the inverse transpose of the
+        /// instance's transform, so that it stays at right angles to the surface under scales and shears, and
+        /// on its side under mirrors. Zero if the normal is zero or not finite.
+        pub fn normal_to_world(&self, normal: Vec3) -> Vec3 {
+            let to_object = self.world_to_object().matrix3;
+            (to_object.transpose() * normal).normalize_or_zero()
+        }
+
         /// The hit as plain data.
         pub fn hit(&self) -> &Hit {
             self.hit
@@ -194,7 +211,7 @@ impl RayGeneration<'_> {
 
 /// What a closest hit shader sees, of attributes `A` and a record `R`.
 pub struct ClosestHit<'a, A, R> {
-    pub(crate) call: Call<'a>,
+    pub(crate) call: &'a Call<'a>,
     pub(crate) ray: &'a TracedRay,
     pub(crate) hit: &'a Hit,
     pub(crate) attributes: A,
@@ -211,7 +228,7 @@ impl<A: Copy, R> ClosestHit<'_, A, R> {
 
 /// What a miss shader sees.
 pub struct Miss<'a> {
-    pub(crate) call: Call<'a>,
+    pub(crate) call: &'a Call<'a>,
     pub(crate) ray: &'a TracedRay,
 }
 
@@ -224,7 +241,7 @@ impl Miss<'_> {
 /// What an any hit shader sees, of attributes `A` and a record `R`. It decides whether the ray stops, in no
 /// particular order of hits, and may change the payload even of hits that it ignores.
 pub struct AnyHit<'a, A, R> {
-    pub(crate) call: Call<'a>,
+    pub(crate) call: &'a Call<'a>,
     pub(crate) ray: &'a TracedRay,
     pub(crate) hit: &'a Hit,
     pub(crate) attributes: A,
@@ -255,7 +272,7 @@ impl<A: Copy, R> AnyHit<'_, A, R> {
 
 /// What an intersection shader sees, of attributes `A`, a payload `P` that it may only read, and a record `R`.
 pub struct Intersection<'a, 'b, P, A, R> {
-    pub(crate) call: Call<'a>,
+    pub(crate) call: &'a Call<'a>,
     pub(crate) ray: &'a TracedRay,
     pub(crate) candidate: rayburst_accel::ProceduralCandidate,
     pub(crate) record: &'a R,

@@ -53,6 +53,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! What shaders capture must be declared before the [`ShaderTable`], as `picture` is above: the table and its
+//! [`Pipeline`] borrow it until they are dropped, and variables are dropped in reverse order. What is read
+//! afterwards needs no more than that the pipeline is gone or no longer used.
+//!
 //! # What callable shaders can do
 //!
 //! - *Return any data?* Yes: parameters are one value of any type, changed in place.

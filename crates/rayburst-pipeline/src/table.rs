@@ -100,7 +100,8 @@ pub(crate) struct CallableRecord<'s> {
     pub(crate) run: Box<CallableFn<'s>>,
 }
 
-/// A shader table in the making; see [`Pipeline`].
+/// A shader table in the making; see [`Pipeline`]. What its shaders capture by reference must be declared before
+/// it, and lives as long as the table and the pipeline do.
 #[derive(Default)]
 pub struct ShaderTable<'s> {
     pub(crate) identity: Identity,

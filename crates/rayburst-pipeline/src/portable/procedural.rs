@@ -21,6 +21,8 @@ pub(super) struct Search<'a, P> {
     pub(super) pipeline: &'a PortablePipeline<'a, P>,
     pub(super) step: Step<'a>,
     pub(super) state: &'a State<P>,
+    /// The ray that was asked for.
+    pub(super) ray: Ray,
     pub(super) ray_type: &'a RayTypeInfo,
     pub(super) options: &'a TraceOptions,
     /// Whether any hit will do.
@@ -32,8 +34,8 @@ impl<P> Search<'_, P> {
     pub(super) fn find(&self, triangle: &Hit) -> Option<(Hit, Attributes)> {
         let Step { tlas, .. } = self.step;
         let (state, pipeline) = (self.state, self.pipeline);
-        let t_max = if triangle.is_hit() { triangle.t } else { state.ray.t_max };
-        let ray = Ray { t_max, ..state.ray };
+        let t_max = if triangle.is_hit() { triangle.t } else { self.ray.t_max };
+        let ray = Ray { t_max, ..self.ray };
         let mut best = *triangle;
         let mut found = None;
         let mut visit = |primitive: &rayburst_accel::ProceduralCandidate, t_current: f32| {
@@ -43,7 +45,7 @@ impl<P> Search<'_, P> {
             let Some(Some(record)) = pipeline.hits.get(index as usize) else {
                 return ControlFlow::Continue(t_max);
             };
-            let shown = self.step.ray(state);
+            let shown = self.step.ray(state, &self.ray);
             let candidate = PortableCandidate {
                 ray: shown,
                 primitive: *primitive,

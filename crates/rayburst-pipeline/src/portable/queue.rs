@@ -18,16 +18,21 @@ use crate::{
     pipeline::{check_launches, tiles},
     procedural::{Attributes, barycentrics},
     table::RayTypeInfo,
-    trace::open,
 };
 
 /// Launches of a tile along a side: what is kept of them stays in the second cache.
 const TILE: u32 = 32;
+/// Where so many neighbours find the same shader on average, it is called for them as they are; otherwise
+/// once for all that find it.
+const RUN: usize = 8;
 
 /// The launches of a tile and what their rays find; one a thread at a time.
 pub(super) struct Queue<P> {
     states: Vec<State<P>>,
+    /// As they are traced.
     rays: Vec<Ray>,
+    /// What is sorted goes there, then changes places.
+    sorted: (Vec<State<P>>, Vec<Ray>),
     hits: Vec<Hit>,
     attributes: Vec<Attributes>,
     occluded: Vec<bool>,
@@ -35,6 +40,8 @@ pub(super) struct Queue<P> {
     found: Vec<u32>,
     order: Vec<u32>,
     ends: Vec<u32>,
+    /// All indices of rays.
+    all: Vec<u32>,
 }
 
 impl<P> Default for Queue<P> {
@@ -42,12 +49,14 @@ impl<P> Default for Queue<P> {
         Self {
             states: vec![],
             rays: vec![],
+            sorted: (vec![], vec![]),
             hits: vec![],
             attributes: vec![],
             occluded: vec![],
             found: vec![],
             order: vec![],
             ends: vec![],
+            all: vec![],
         }
     }
 }
@@ -86,6 +95,7 @@ struct Batch<'a, P> {
     pipeline: &'a PortablePipeline<'a, P>,
     step: Step<'a>,
     states: &'a [State<P>],
+    rays: &'a [Ray],
     ray_type: &'a RayTypeInfo,
 }
 
@@ -100,11 +110,12 @@ impl<P> Batch<'_, P> {
 
 impl<P> CandidateFilter for Batch<'_, P> {
     fn accept(&self, index: u32, _: &Ray, candidate: &Hit) -> bool {
-        let state = &self.states[index as usize];
+        let (state, ray) = (&self.states[index as usize], &self.rays[index as usize]);
         let record = self.record(candidate) as usize;
         let Some(Some(record)) = self.pipeline.hits.get(record) else { return true };
-        let (ray, attributes, tlas) =
-            (self.step.ray(state), &barycentrics(candidate), self.step.tlas);
+        let asked = state.asked(ray);
+        let (ray, attributes) = (self.step.ray(state, &asked), &barycentrics(candidate));
+        let tlas = self.step.tlas;
         let hit = AnyHit { ray, hit: candidate, attributes, tlas };
         record.any_hit(&hit, &state.payload) != AnyHitResult::Ignore
     }
@@ -151,13 +162,15 @@ impl<P: Copy + Send + Sync + 'static> PortablePipeline<'_, P> {
             || self.queues.lend(),
             |lent, launches| {
                 let queue = &mut lent.queue;
-                queue.states.clear();
+                queue.clear();
                 launches.for_each(|launch| {
                     let (payload, next) = generate(launch);
                     match next {
                         Next::Done => finish(launch, payload),
                         Next::Trace(request) => {
-                            queue.states.push(State::new(launch, payload, request));
+                            let (state, ray) = State::new(launch, payload, &request);
+                            queue.states.push(state);
+                            queue.rays.push(ray);
                         }
                     }
                 });
@@ -171,7 +184,7 @@ impl<P: Copy + Send + Sync + 'static> PortablePipeline<'_, P> {
                         return earlier(first, launch.map(|at| (at, Failure::TooManyRays)));
                     }
                     first = earlier(first, self.step(&step, queue));
-                    retain(&mut queue.states, &finish);
+                    queue.retain(&finish);
                     step.depth += 1;
                 }
                 first
@@ -191,43 +204,56 @@ impl<P: Copy + Send + Sync + 'static> PortablePipeline<'_, P> {
 
     /// Traces the next ray of every launch, and shades what they hit.
     fn step(&self, step: &Step<'_>, queue: &mut Queue<P>) -> First {
-        let first = self.drop_others(&mut queue.states);
-        let Queue { states, rays, hits, attributes, occluded, found, order, ends } = queue;
+        let mut first = None;
         // Rays of different flags cannot share a batch.
-        if !states.is_sorted_by_key(|state| state.kind) {
-            states.sort_by_key(|state| state.kind);
+        let kind = queue.states[0].kind;
+        if queue.states.iter().any(|state| state.kind != kind) {
+            first = self.drop_others(queue);
+            queue.sort();
+        } else if self.ray_type(kind.ray_type()).is_none() {
+            first = self.drop_others(queue);
         }
-        rays.clear();
-        rays.extend(states.iter().map(|state| open(&state.ray)));
+        let Queue { states, rays, hits, attributes, occluded, found, order, ends, all, .. } = queue;
         if hits.len() < states.len() {
             hits.resize(states.len(), Hit::MISS);
             found.resize(states.len(), 0);
             occluded.resize(states.len(), false);
+            all.extend(all.len() as u32..states.len() as u32);
             if self.has_intersection {
                 attributes.resize(states.len(), [0; 8]);
             }
         }
         let mut start = 0;
-        for part in states.chunk_by(|a, b| a.kind == b.kind) {
-            let range = start..start + part.len();
+        while let Some(kind) = states.get(start).map(|state| state.kind) {
+            let count = states[start..].partition_point(|state| state.kind == kind);
+            let range = start..start + count;
             start = range.end;
-            let Some(ray_type) = self.ray_type(part[0].kind.ray_type) else { continue };
-            let batch = Batch { pipeline: self, step: *step, states: part, ray_type };
+            let part = &states[range.clone()];
+            let Some(ray_type) = self.ray_type(kind.ray_type()) else { continue };
+            let rays = &rays[range.clone()];
+            let batch = Batch { pipeline: self, step: *step, states: part, rays, ray_type };
             let found = &mut found[range.clone()];
             let hits = &mut hits[range.clone()];
             let attributes = attributes.get_mut(range.clone()).unwrap_or_default();
-            batch.trace(&rays[range.clone()], hits, attributes, &mut occluded[range], found);
+            batch.trace(hits, attributes, &mut occluded[range], found);
         }
-        let shaders = self.hits.len() + self.misses.len() + 1;
-        group(&found[..states.len()], shaders, ends, order);
-        let mut members = &order[..];
+        let found = &found[..states.len()];
+        // Neighbours mostly find the same shader.
+        let changes = found.windows(2).filter(|pair| pair[0] != pair[1]).count();
+        let mut members = if changes < found.len() / RUN {
+            &all[..found.len()]
+        } else {
+            group(found, self.hits.len() + self.misses.len() + 1, ends, order);
+            &order[..]
+        };
         while let Some(&first) = members.first() {
             let shader = found[first as usize] as usize;
-            let count = members.partition_point(|&i| found[i as usize] as usize == shader);
+            let is_own = |&&i: &&u32| found[i as usize] as usize == shader;
+            let count = members.iter().take_while(is_own).count();
             let (own, others) = members.split_at(count);
             members = others;
             let step = *step;
-            let mut group = Group { step, states, hits, attributes, members: own };
+            let mut group = Group { step, states, rays, hits, attributes, members: own };
             match (self.hits.get(shader), self.misses.get(shader.wrapping_sub(self.hits.len()))) {
                 (Some(Some(record)), _) if record.has_closest_hit() => {
                     record.closest_hit(&mut group);
@@ -240,31 +266,59 @@ impl<P: Copy + Send + Sync + 'static> PortablePipeline<'_, P> {
     }
 
     /// Drops the launches whose ray is of another pipeline's type; gives the first of them.
-    fn drop_others(&self, states: &mut Vec<State<P>>) -> First {
-        let is_other = |state: &State<P>| self.ray_type(state.kind.ray_type).is_none();
-        let others = states.iter().filter(|state| is_other(state)).map(|state| state.launch);
-        let first = others.min_by_key(|launch| row_order(*launch))?;
-        states.retain(|state| !is_other(state));
-        Some((first, Failure::OtherPipeline))
+    fn drop_others(&self, queue: &mut Queue<P>) -> First {
+        let mut first = None;
+        for state in &mut queue.states {
+            if self.ray_type(state.kind.ray_type()).is_none() {
+                state.done = true;
+                first = earlier(first, Some((state.launch, Failure::OtherPipeline)));
+            }
+        }
+        queue.retain(&|_, _| ());
+        first
     }
 }
 
-/// Keeps the launches that go on, in the order of launches, in which neighbours go about the same way; gives
-/// away those that are done.
-fn retain<P: Copy>(states: &mut Vec<State<P>>, finish: &impl Fn(UVec3, P)) {
-    let mut kept = 0;
-    for index in 0..states.len() {
-        let state = &states[index];
-        if state.done {
-            finish(state.launch, state.payload);
-        } else {
-            if kept != index {
-                states[kept] = *state;
-            }
-            kept += 1;
-        }
+impl<P: Copy> Queue<P> {
+    fn clear(&mut self) {
+        self.states.clear();
+        self.rays.clear();
     }
-    states.truncate(kept);
+
+    /// Keeps the launches that go on, in their order, in which neighbours go about the same way; gives away
+    /// those that are done.
+    fn retain(&mut self, finish: &impl Fn(UVec3, P)) {
+        let Self { states, rays, .. } = self;
+        let mut kept = 0;
+        for index in 0..states.len() {
+            let state = &states[index];
+            if state.done {
+                finish(state.launch, state.payload);
+            } else {
+                if kept != index {
+                    states[kept] = *state;
+                    rays[kept] = rays[index];
+                }
+                kept += 1;
+            }
+        }
+        states.truncate(kept);
+        rays.truncate(kept);
+    }
+
+    /// Puts launches whose rays are of one kind together.
+    fn sort(&mut self) {
+        let Self { states, rays, sorted, order, .. } = self;
+        order.clear();
+        order.extend(0..states.len() as u32);
+        order.sort_by_key(|&i| states[i as usize].kind);
+        sorted.0.clear();
+        sorted.0.extend(order.iter().map(|&i| states[i as usize]));
+        sorted.1.clear();
+        sorted.1.extend(order.iter().map(|&i| rays[i as usize]));
+        std::mem::swap(states, &mut sorted.0);
+        std::mem::swap(rays, &mut sorted.1);
+    }
 }
 
 /// Puts the indices of rays in `order`, those that found the same one of so many shaders together.
@@ -295,15 +349,15 @@ impl<P> Batch<'_, P> {
     /// Traces all rays, which have the same flags, mask and type, and notes which shaders they find.
     fn trace(
         &self,
-        rays: &[Ray],
         hits: &mut [Hit],
         attributes: &mut [Attributes],
         occluded: &mut [bool],
         found: &mut [u32],
     ) {
         let Some(kind) = self.states.first().map(|state| state.kind) else { return };
+        let rays = self.rays;
         let (flags, pipeline, tlas) = (kind.flags(), self.pipeline, self.step.tlas);
-        let options = flags.options(kind.mask);
+        let options = flags.options(kind.mask());
         let skips = flags.contains(RayFlags::SKIP_CLOSEST_HIT_SHADER);
         let first = skips && flags.contains(RayFlags::ACCEPT_FIRST_HIT_AND_END_SEARCH);
         let miss = pipeline.hits.len() as u32 + self.ray_type.miss;
@@ -315,9 +369,9 @@ impl<P> Batch<'_, P> {
                 tlas.any_hits(rays, occluded, &options, &AcceptAll);
             }
             if pipeline.has_intersection {
-                for (occluded, state) in occluded.iter_mut().zip(self.states) {
-                    *occluded =
-                        *occluded || self.search(state, &options, true).find(&Hit::MISS).is_some();
+                for ((occluded, state), ray) in occluded.iter_mut().zip(self.states).zip(rays) {
+                    *occluded = *occluded
+                        || self.search(state, ray, &options, true).find(&Hit::MISS).is_some();
                 }
             }
             for (found, &occluded) in found.iter_mut().zip(&*occluded) {
@@ -331,20 +385,27 @@ impl<P> Batch<'_, P> {
             tlas.closest_hits(rays, hits, &options, &AcceptAll);
         }
         if pipeline.has_intersection {
-            for ((hit, words), state) in hits.iter_mut().zip(attributes).zip(self.states) {
+            let launches = self.states.iter().zip(rays);
+            for ((hit, words), (state, ray)) in hits.iter_mut().zip(attributes).zip(launches) {
                 *words = barycentrics(hit);
-                if let Some(nearer) = self.search(state, &options, false).find(hit) {
+                if let Some(nearer) = self.search(state, ray, &options, false).find(hit) {
                     (*hit, *words) = nearer;
                 }
             }
         }
+        if skips {
+            for (found, hit) in found.iter_mut().zip(&*hits) {
+                *found = if hit.is_hit() { nothing } else { miss };
+            }
+            return;
+        }
+        let (instances, ray_type) = (tlas.instances(), self.ray_type);
         for (found, hit) in found.iter_mut().zip(&*hits) {
-            *found = if !hit.is_hit() {
-                miss
-            } else if skips {
-                nothing
-            } else {
-                self.record(hit) as u32
+            *found = match instances.get(hit.instance as usize) {
+                Some(instance) if hit.is_hit() => {
+                    ray_type.record(instance.contribution, hit.geometry) as u32
+                }
+                _ => miss,
             };
         }
     }
@@ -352,10 +413,12 @@ impl<P> Batch<'_, P> {
     fn search<'b>(
         &'b self,
         state: &'b State<P>,
+        traced: &Ray,
         options: &'b TraceOptions,
         first: bool,
     ) -> Search<'b, P> {
         let Self { pipeline, step, ray_type, .. } = *self;
-        Search { pipeline, step, state, ray_type, options, first }
+        let ray = state.asked(traced);
+        Search { pipeline, step, state, ray, ray_type, options, first }
     }
 }

@@ -31,6 +31,7 @@ mod recursion;
 mod shader_table_indexing;
 mod shaders;
 mod storage;
+mod surface_values;
 mod system_values;
 mod trace_ray;
 mod winding_and_culling;
