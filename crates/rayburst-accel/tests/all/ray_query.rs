@@ -607,9 +607,9 @@ fn calls_at_the_wrong_time_do_nothing() {
 /// committed again, one that was committed never; what there is to see is all there.
 #[test]
 fn triangles_in_several_leaves_may_be_candidates_again_until_they_are_committed() {
-    let mesh = needles(247, 400);
+    let mesh = soup(247, 2000, 0.05).merged(&soup(248, 60, 1.0));
     let geometry = TriangleMesh { opaque: false, no_duplicate_any_hit: true, ..mesh.geometry() };
-    let options = with_quality(BuildQuality::Best);
+    let options = BuildOptions { reference_budget: Some(4.0), ..with_quality(BuildQuality::Best) };
     let blas = Blas::build(&[geometry], &options).unwrap();
     assert!(blas.may_ask_twice() && blas.geometries()[0].no_duplicate_any_hit);
     let (mut shown, mut different, mut random) = (0, 0, Random::new(248));
