@@ -71,7 +71,8 @@ fn moved(boxes: &[Aabb], frame: f32) -> Vec<Aabb> {
     };
     let move_one = |b: &Aabb| {
         // What can never be met stays so.
-        if !(b.lower.abs().max(b.upper.abs()).max_element() < 10.0) {
+        let size = b.lower.abs().max(b.upper.abs()).max_element();
+        if size.is_nan() || size >= 10.0 {
             return *b;
         }
         let centre = 0.5 * (b.lower + b.upper);
