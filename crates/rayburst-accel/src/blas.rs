@@ -27,7 +27,7 @@ use crate::{
         view::TreeView,
     },
     procedural::ProceduralTree,
-    refit::changed::Links,
+    refit::{changed::Links, procedural::split},
     structure::{Stacks, Structure},
     traverse::{
         closest::Closest,
@@ -67,11 +67,7 @@ impl Blas {
     ) -> Result<Self, BuildError> {
         let begin = Instant::now();
         let procedural = ProceduralTree::build(geometries, options)?;
-        let meshes = geometries.iter().map(|geometry| match geometry {
-            Geometry::Triangles(mesh) => *mesh,
-            Geometry::Procedural(_) => TriangleMesh::new(&[], &[]),
-        });
-        let meshes: Vec<_> = meshes.collect();
+        let (meshes, _) = split(geometries);
         let mut blas = Self::build(&meshes, options)?;
         blas.infos = geometries.iter().map(Geometry::info).collect();
         blas.procedural = procedural.map(Box::new);
@@ -192,6 +188,11 @@ impl Blas {
     /// The box around all procedural primitives that can be met; empty if there are none.
     pub(crate) fn procedural_bounds(&self) -> Aabb {
         self.procedural.as_ref().map_or(Aabb::EMPTY, |procedural| procedural.bounds())
+    }
+
+    /// The tree of procedural primitives, to be refitted.
+    pub(crate) fn procedural_mut(&mut self) -> Option<&mut ProceduralTree> {
+        self.procedural.as_deref_mut()
     }
 
     /// The tree of procedural primitives.

@@ -3,7 +3,7 @@
 use rayburst_simd::IsaError;
 use thiserror::Error;
 
-use crate::Builder;
+use crate::{Builder, GeometryKind};
 
 /// Input from which no structure can be built. Positions that are not finite and degenerate
 /// triangles are no errors: such triangles are never hit.
@@ -75,6 +75,42 @@ pub enum BuildError {
         /// Which geometry.
         geometry: u32,
         /// Which triangle of it.
+        primitive: u32,
+    },
+    /// A refit with another number of boxes than the structure was built from.
+    #[error(
+        "refit with {given} boxes in geometry {geometry}, but the structure was built from {built}; \
+         rebuild it"
+    )]
+    BoxesDiffer {
+        /// Which geometry.
+        geometry: u32,
+        /// How many it was built from.
+        built: usize,
+        /// How many were given.
+        given: usize,
+    },
+    /// A refit of triangles as boxes, or the other way round.
+    #[error(
+        "refit of geometry {geometry} as {given:?}, but the structure was built from {built:?}; rebuild it"
+    )]
+    KindsDiffer {
+        /// Which geometry.
+        geometry: u32,
+        /// What it was built from.
+        built: GeometryKind,
+        /// What was given.
+        given: GeometryKind,
+    },
+    /// A refit would have to add a procedural primitive.
+    #[error(
+        "procedural primitive {primitive} of geometry {geometry} can be met now, but could not when the \
+         structure was built; rebuild it"
+    )]
+    BoxReappeared {
+        /// Which geometry.
+        geometry: u32,
+        /// Which primitive of it.
         primitive: u32,
     },
     /// A refit of a triangle that there is not.

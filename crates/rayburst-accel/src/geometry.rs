@@ -19,7 +19,8 @@ pub struct TriangleMesh<'a> {
     pub transform: Option<Affine3A>,
     /// Whether hits are final: opaque geometry never calls the candidate filter.
     pub opaque: bool,
-    /// Whether a ray must ask about a triangle once at most (DXR's `NO_DUPLICATE_ANYHIT_INVOCATION`).
+    /// Whether a ray must ask about a triangle once at most (DXR's `NO_DUPLICATE_ANYHIT_INVOCATION`). The
+    /// structure only remembers it, pipelines keep to it, and a [`crate::RayQuery`] does not.
     pub no_duplicate_any_hit: bool,
 }
 

@@ -4,7 +4,8 @@
 //! transforms. Both answer *closest hit*, *any hit*, *all hits* and *nearest hits* (the first few of
 //! all), for one ray or for a batch: batches are the normal case, plain slices without an allocation
 //! per ray, run on the calling thread. This crate knows no material: alpha comes in as a [`CandidateFilter`].
-//! What moves is refitted ([`Blas::refit`], [`Tlas::update`]) or built anew; [`MovingBlas`] chooses.
+//! What moves is refitted ([`Blas::refit`], [`Blas::refit_procedural`], [`Tlas::update`]) or built anew;
+//! [`MovingBlas`] chooses.
 //! Beside triangles there may be procedural primitives, boxes of which only the caller knows what is in
 //! them: `procedural_candidates` tells which a ray meets, and a [`RayQuery`] stops at both.
 //!

@@ -1,4 +1,4 @@
-//! Structures over meshes that move from frame to frame: when to refit, when to build anew.
+//! Structures over geometry that moves from frame to frame: when to refit, when to build anew.
 //!
 //! A refit is many times faster than a build, but keeps the old tree, which fits the mesh less and less
 //! as its triangles move apart. The surface area heuristic says what that costs (Haines, Hoffman,
@@ -8,7 +8,7 @@
 
 use std::{sync::Arc, time::Instant};
 
-use crate::{Blas, BuildError, BuildOptions, Layout, TriangleMesh};
+use crate::{Blas, BuildError, BuildOptions, Geometry, GeometryKind, Layout, TriangleMesh};
 
 /// Which frames build a moving mesh's structure anew; the others refit it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,11 +56,11 @@ pub enum RebuildReason {
     Quality,
     /// There was time for it.
     Budget,
-    /// There are other geometries, or other numbers of triangles, or other ones are opaque.
+    /// There are other geometries, or other numbers of primitives, or other ones are opaque.
     Topology,
-    /// A triangle can be hit now that could not be when the structure was built.
+    /// A primitive can be hit now that could not be when the structure was built.
     Reappeared,
-    /// Compressed structures cannot be refitted.
+    /// Triangles in compressed structures cannot be refitted.
     Compressed,
 }
 
@@ -89,15 +89,18 @@ pub struct UpdateReport {
     pub growth: f32,
 }
 
-/// The structure of a mesh that moves, and how it is kept.
+/// The structure of meshes and procedural primitives that move, and how it is kept.
 #[derive(Clone, Debug)]
 pub struct MovingBlas<'a> {
     blas: Arc<Blas>,
     options: BuildOptions<'a>,
     policy: UpdatePolicy,
-    /// Which geometries were opaque at the build.
-    opaque: Vec<bool>,
     history: History,
+}
+
+/// Triangle meshes as geometries.
+fn geometries_of<'a>(meshes: &[TriangleMesh<'a>]) -> Vec<Geometry<'a>> {
+    meshes.iter().map(|&mesh| mesh.into()).collect()
 }
 
 /// What choices depend on.
@@ -159,16 +162,24 @@ impl History {
 }
 
 impl<'a> MovingBlas<'a> {
-    /// Builds the structure of the first frame.
+    /// Builds the structure of the first frame of triangle meshes.
     pub fn build(
         geometries: &[TriangleMesh<'_>],
         options: &BuildOptions<'a>,
         policy: UpdatePolicy,
     ) -> Result<Self, BuildError> {
-        let blas = Blas::build(geometries, options)?;
+        Self::of_geometries(&geometries_of(geometries), options, policy)
+    }
+
+    /// Builds the structure of the first frame of geometries of either kind.
+    pub fn of_geometries(
+        geometries: &[Geometry<'_>],
+        options: &BuildOptions<'a>,
+        policy: UpdatePolicy,
+    ) -> Result<Self, BuildError> {
+        let blas = Blas::of_geometries(geometries, options)?;
         let history = History::of(&blas);
-        let opaque = geometries.iter().map(|mesh| mesh.opaque).collect();
-        Ok(Self { blas: Arc::new(blas), options: *options, policy, opaque, history })
+        Ok(Self { blas: Arc::new(blas), options: *options, policy, history })
     }
 
     /// The structure of the last frame.
@@ -188,12 +199,20 @@ impl<'a> MovingBlas<'a> {
     /// After an error the structure is that of the last frame, or that of this one if it was refitted
     /// before a build was cancelled.
     pub fn update(&mut self, geometries: &[TriangleMesh<'_>]) -> Result<UpdateReport, BuildError> {
+        self.update_geometries(&geometries_of(geometries))
+    }
+
+    /// The same with geometries of either kind. Costs are the sums of those of both trees.
+    pub fn update_geometries(
+        &mut self,
+        geometries: &[Geometry<'_>],
+    ) -> Result<UpdateReport, BuildError> {
         let begin = Instant::now();
         if let Some(reason) = self.needs_build(geometries) {
             return self.rebuild(geometries, reason, 1.0, begin);
         }
-        let refit = match Arc::make_mut(&mut self.blas).refit(geometries) {
-            Err(BuildError::Reappeared { .. }) => {
+        let refit = match Arc::make_mut(&mut self.blas).refit_geometries(geometries) {
+            Err(BuildError::Reappeared { .. } | BuildError::BoxReappeared { .. }) => {
                 return self.rebuild(geometries, RebuildReason::Reappeared, 1.0, begin);
             }
             refit => refit?,
@@ -208,14 +227,14 @@ impl<'a> MovingBlas<'a> {
     }
 
     /// Why a refit would not do, or is not to be tried.
-    fn needs_build(&self, geometries: &[TriangleMesh<'_>]) -> Option<RebuildReason> {
-        let is_same = geometries.len() == self.opaque.len()
-            && geometries.iter().zip(&self.opaque).enumerate().all(|(index, (mesh, &opaque))| {
-                mesh.opaque == opaque && mesh.indices.len() == self.blas.triangle_count(index)
-            });
+    fn needs_build(&self, geometries: &[Geometry<'_>]) -> Option<RebuildReason> {
+        let infos = self.blas.geometries();
+        let is_same = geometries.len() == infos.len()
+            && geometries.iter().zip(infos).all(|(geometry, built)| geometry.info() == *built);
+        let has_triangles = infos.iter().any(|info| info.kind == GeometryKind::Triangles);
         if !is_same {
             Some(RebuildReason::Topology)
-        } else if self.options.layout == Layout::Compressed {
+        } else if self.options.layout == Layout::Compressed && has_triangles {
             Some(RebuildReason::Compressed)
         } else {
             self.policy.before_refit(&self.history).then_some(RebuildReason::Scheduled)
@@ -224,12 +243,12 @@ impl<'a> MovingBlas<'a> {
 
     fn rebuild(
         &mut self,
-        geometries: &[TriangleMesh<'_>],
+        geometries: &[Geometry<'_>],
         reason: RebuildReason,
         growth: f32,
         begin: Instant,
     ) -> Result<UpdateReport, BuildError> {
-        *self = Self::build(geometries, &self.options, self.policy)?;
+        *self = Self::of_geometries(geometries, &self.options, self.policy)?;
         Ok(self.report(UpdateAction::Rebuild(reason), growth, begin))
     }
 

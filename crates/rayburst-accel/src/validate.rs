@@ -206,7 +206,7 @@ impl<P: Fn(u32) -> Vec<(u32, Aabb)>> Leaf for Once<P> {
     }
 }
 
-/// Leaves that are their boxes.
+/// Leaves that are their boxes; an empty one is of a primitive that cannot be met since a refit.
 struct Boxes;
 
 impl Leaf for Boxes {
@@ -217,6 +217,9 @@ impl Leaf for Boxes {
         seen: &mut [bool],
         report: &mut ValidationReport,
     ) -> Result<Aabb, BvhDefect> {
+        if bounds.is_empty() {
+            return Once { primitives: |_| vec![] }.check(value, bounds, seen, report);
+        }
         Once { primitives: |value| vec![(value, *bounds)] }.check(value, bounds, seen, report)
     }
 }

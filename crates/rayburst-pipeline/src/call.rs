@@ -12,7 +12,7 @@ use glam::UVec3;
 use rayburst_accel::{RayFlags, Tlas};
 use rayburst_math::Ray;
 
-use crate::{Callable, DispatchError, Pipeline};
+use crate::{Callable, CallableId, DispatchError, Pipeline};
 
 /// How deep callable shaders may call each other.
 pub(crate) const MAX_CALLABLE_DEPTH: u32 = 31;
@@ -97,12 +97,14 @@ pub(crate) struct TracedRay {
 }
 
 /// Runs a callable shader.
-pub(crate) fn call_shader(call: &Call<'_>, index: u32, data: &mut dyn Any) {
+pub(crate) fn call_shader<D: 'static>(call: &Call<'_>, shader: CallableId<D>, data: &mut D) {
     if call.callable_depth >= MAX_CALLABLE_DEPTH {
         return call.fail(|launch| DispatchError::CallableDepth { launch });
     }
-    let Some(shader) = call.dispatch.pipeline.callables.get(index as usize) else {
-        return call.fail(|launch| DispatchError::NoCallable { launch, index });
+    let pipeline = call.dispatch.pipeline;
+    let Some(shader) = pipeline.callables.get(pipeline.identity.index(shader.key)) else {
+        let data = std::any::type_name::<D>();
+        return call.fail(|launch| DispatchError::OtherCallable { launch, data });
     };
     let inner = Call { callable_depth: call.callable_depth + 1, ..*call };
     (shader.run)(&Callable { call: inner }, data);

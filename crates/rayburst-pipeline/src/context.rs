@@ -10,9 +10,9 @@ use rayburst_accel::{Instance, RayFlags, Tlas};
 use rayburst_math::{Hit, Ray};
 
 use crate::{
-    AnyHitResult, CallableId, RayType,
+    AnyHitResult, CallableId, DispatchError, RayType,
     call::{Call, TracedRay},
-    procedural::Reports,
+    procedural::{Reports, words_of},
 };
 
 /// Methods of every shader type.
@@ -48,7 +48,14 @@ macro_rules! calls {
             ray: &Ray,
             payload: &mut P,
         ) {
-            crate::trace::trace_ray(&self.call, ray_type.index, flags, mask, ray, payload);
+            let pipeline = self.call.dispatch.pipeline;
+            match pipeline.ray_types.get(pipeline.identity.index(ray_type.key)) {
+                Some(info) => crate::trace::trace_ray(&self.call, info, flags, mask, ray, payload),
+                None => self.call.fail(|launch| DispatchError::OtherPipeline {
+                    launch,
+                    payload: std::any::type_name::<P>(),
+                }),
+            }
         }
 
         /// How many more rays may be traced inside each other from here.
@@ -63,7 +70,7 @@ macro_rules! calls {
 
         /// Calls a callable shader (DXR's `CallShader`) and returns when it has.
         pub fn call_shader<D: 'static>(&self, shader: CallableId<D>, data: &mut D) {
-            crate::call::call_shader(&self.call, shader.index, data);
+            crate::call::call_shader(&self.call, shader, data);
         }
     };
 }
@@ -158,6 +165,23 @@ macro_rules! hit_values {
             self.hit.kind == rayburst_math::HitKind::TRIANGLE_FRONT
         }
 
+        /// The corners of the triangle that was hit, in the instance's space (DXR's
+        /// `TriangleObjectPositions`); `None` if it was a procedural primitive. The first call for a BLAS
+        /// makes an index of four bytes a triangle.
+        pub fn triangle(&self) -> Option<[Vec3; 3]> {
+            let tlas = self.call.dispatch.tlas;
+            let blas = &tlas.blases()[self.instance().blas as usize];
+            blas.triangle(self.hit.geometry, self.hit.primitive)
+        }
+
+        /// A normal of the instance's space in the world, of length one: by the inverse transpose of the
+        /// instance's transform, so that it stays at right angles to the surface under scales and shears, and
+        /// on its side under mirrors. Zero if the normal is zero or not finite.
+        pub fn normal_to_world(&self, normal: Vec3) -> Vec3 {
+            let to_object = self.world_to_object().matrix3;
+            (to_object.transpose() * normal).normalize_or_zero()
+        }
+
         /// The hit as plain data.
         pub fn hit(&self) -> &Hit {
             self.hit
@@ -187,7 +211,7 @@ impl RayGeneration<'_> {
 
 /// What a closest hit shader sees, of attributes `A` and a record `R`.
 pub struct ClosestHit<'a, A, R> {
-    pub(crate) call: Call<'a>,
+    pub(crate) call: &'a Call<'a>,
     pub(crate) ray: &'a TracedRay,
     pub(crate) hit: &'a Hit,
     pub(crate) attributes: A,
@@ -204,7 +228,7 @@ impl<A: Copy, R> ClosestHit<'_, A, R> {
 
 /// What a miss shader sees.
 pub struct Miss<'a> {
-    pub(crate) call: Call<'a>,
+    pub(crate) call: &'a Call<'a>,
     pub(crate) ray: &'a TracedRay,
 }
 
@@ -217,7 +241,7 @@ impl Miss<'_> {
 /// What an any hit shader sees, of attributes `A` and a record `R`. It decides whether the ray stops, in no
 /// particular order of hits, and may change the payload even of hits that it ignores.
 pub struct AnyHit<'a, A, R> {
-    pub(crate) call: Call<'a>,
+    pub(crate) call: &'a Call<'a>,
     pub(crate) ray: &'a TracedRay,
     pub(crate) hit: &'a Hit,
     pub(crate) attributes: A,
@@ -248,7 +272,7 @@ impl<A: Copy, R> AnyHit<'_, A, R> {
 
 /// What an intersection shader sees, of attributes `A`, a payload `P` that it may only read, and a record `R`.
 pub struct Intersection<'a, 'b, P, A, R> {
-    pub(crate) call: Call<'a>,
+    pub(crate) call: &'a Call<'a>,
     pub(crate) ray: &'a TracedRay,
     pub(crate) candidate: rayburst_accel::ProceduralCandidate,
     pub(crate) record: &'a R,
@@ -273,10 +297,7 @@ impl<P: 'static, A: Pod, R> Intersection<'_, '_, P, A, R> {
     /// Where an any hit shader ends the search, DXR ends this shader too; here it goes on, and what it
     /// reports later is not accepted.
     pub fn report_hit(&mut self, t: f32, kind: u8, attributes: A) -> bool {
-        let mut words = [0; 8];
-        bytemuck::cast_slice_mut(&mut words)[..size_of::<A>()]
-            .copy_from_slice(bytemuck::bytes_of(&attributes));
-        self.reports.report(t, kind, words)
+        self.reports.report(t, kind, words_of(&attributes))
     }
 
     /// The payload, which this shader must not change.
@@ -302,6 +323,6 @@ impl Callable<'_> {
 
     /// Calls another callable shader, or itself: up to 31 deep, beyond which the dispatch fails.
     pub fn call_shader<D: 'static>(&self, shader: CallableId<D>, data: &mut D) {
-        crate::call::call_shader(&self.call, shader.index, data);
+        crate::call::call_shader(&self.call, shader, data);
     }
 }

@@ -101,7 +101,7 @@ pub enum PipelineError {
     #[error(
         "hit record {index}, group '{group}', is for {found}, but geometry {geometry} of instance \
          {instance} consists of {expected}, which rays of type '{ray_type}' find there; use a group made \
-         with `HitGroup::{constructor}`"
+         with `{constructor}`"
     )]
     HitKind {
         /// The ray type.
@@ -146,12 +146,10 @@ pub enum DispatchError {
     Pipeline(#[from] PipelineError),
     /// The ray generation shader is another pipeline's; nothing ran.
     #[error(
-        "there is no ray generation shader {index}: the handle is another pipeline's, use that of this one"
+        "the ray generation shader is another pipeline's; use the handle that `ray_generation` of this \
+         pipeline's table gave"
     )]
-    NoRayGeneration {
-        /// Its index.
-        index: u32,
-    },
+    OtherRayGeneration,
     /// A grid with more launches than DXR allows; nothing ran.
     #[error(
         "a grid of {launches} launches, but at most {limit} are allowed; use several dispatches"
@@ -192,22 +190,28 @@ pub enum DispatchError {
     },
     /// A handle of a callable shader that is another pipeline's.
     #[error(
-        "launch {launch} calls callable shader {index}, which there is not: the handle is another \
-         pipeline's"
+        "launch {launch} calls a callable shader with parameters {data} that is another pipeline's; use the \
+         handle that `callable` of this pipeline's table gave"
     )]
-    NoCallable {
+    OtherCallable {
         /// The launch's index.
         launch: UVec3,
-        /// The shader's index.
-        index: u32,
+        /// The shader's parameters.
+        data: &'static str,
     },
     /// A handle of a ray type that is another pipeline's.
-    #[error("launch {launch} traces a ray of a type that is another pipeline's")]
+    #[error(
+        "launch {launch} traces a ray with the payload {payload} of a type that is another pipeline's; use \
+         the handle that `ray_type` of this pipeline's table gave"
+    )]
     OtherPipeline {
         /// The launch's index.
         launch: UVec3,
+        /// The ray's payload.
+        payload: &'static str,
     },
-    /// A payload or parameters of another type than a shader takes: only with handles of another pipeline.
+    /// A payload or parameters of another type than a shader takes: only with handles of another pipeline
+    /// that happened to pass for this one's.
     #[error(
         "launch {launch} runs a shader with {expected} for data of another type: a handle is another \
          pipeline's"

@@ -157,7 +157,7 @@ pub(crate) struct Record<'s, P, A, R> {
 }
 
 /// The attributes in the first words.
-fn attributes_of<A: Pod>(words: &Attributes) -> A {
+pub(crate) fn attributes_of<A: Pod>(words: &Attributes) -> A {
     bytemuck::pod_read_unaligned(&bytemuck::cast_slice(words)[..size_of::<A>()])
 }
 
@@ -191,7 +191,7 @@ impl<P: 'static, A: Pod, R: Send + Sync> HitRecord for Record<'_, P, A, R> {
         {
             let attributes = attributes_of(attributes);
             let record = &self.data;
-            shader(&ClosestHit { call: *call, ray, hit, attributes, record }, payload);
+            shader(&ClosestHit { call, ray, hit, attributes, record }, payload);
         }
     }
 
@@ -207,7 +207,7 @@ impl<P: 'static, A: Pod, R: Send + Sync> HitRecord for Record<'_, P, A, R> {
             (Some(shader), Some(payload)) => {
                 let attributes = attributes_of(attributes);
                 let record = &self.data;
-                shader(&AnyHit { call: *call, ray, hit, attributes, record }, payload)
+                shader(&AnyHit { call, ray, hit, attributes, record }, payload)
             }
             _ => AnyHitResult::Accept,
         }
@@ -222,7 +222,7 @@ impl<P: 'static, A: Pod, R: Send + Sync> HitRecord for Record<'_, P, A, R> {
     ) {
         if let Some(shader) = &self.group.intersection {
             shader(&mut Intersection {
-                call: *call,
+                call,
                 ray,
                 candidate: *candidate,
                 record: &self.data,

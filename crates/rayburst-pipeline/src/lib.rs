@@ -53,6 +53,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! What shaders capture must be declared before the [`ShaderTable`], as `picture` is above: the table and its
+//! [`Pipeline`] borrow it until they are dropped, and variables are dropped in reverse order. What is read
+//! afterwards needs no more than that the pipeline is gone or no longer used.
+//!
 //! # What callable shaders can do
 //!
 //! - *Return any data?* Yes: parameters are one value of any type, changed in place.
@@ -68,6 +72,7 @@ mod call;
 mod context;
 mod error;
 mod hit_group;
+mod identity;
 mod pipeline;
 mod portable;
 mod procedural;
@@ -81,8 +86,8 @@ pub use error::{DispatchError, PipelineError};
 pub use hit_group::{AnyHitResult, Barycentrics, HitGroup, MAX_ATTRIBUTE_BYTES};
 pub use pipeline::{MAX_LAUNCHES, MAX_RECURSION_DEPTH, Pipeline};
 pub use portable::{
-    Next, PortableHit, PortableHitGroup, PortablePipeline, PortableRay, PortableRayType,
-    PortableTable, TraceRequest,
+    MAX_PORTABLE_REPORTS, Next, PortableCandidate, PortableHit, PortableHitGroup, PortablePipeline,
+    PortableRay, PortableRayType, PortableReport, PortableReports, PortableTable, TraceRequest,
 };
 pub use shaders::{ProceduralShaders, TriangleShaders};
 pub use storage::{RwBuffer, RwTexture};

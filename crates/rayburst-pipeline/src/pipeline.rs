@@ -11,6 +11,7 @@ use crate::{
     call::{Call, Dispatch, Failure},
     context::RayGeneration,
     hit_group::HitRecord,
+    identity::Identity,
     table::{CallableRecord, MissRecord, RayGenerationRecord, RayTypeInfo},
 };
 
@@ -32,6 +33,7 @@ const BLOCK: u32 = 8;
 ///
 /// Made by [`ShaderTable::build`].
 pub struct Pipeline<'s> {
+    pub(crate) identity: Identity,
     pub(crate) ray_types: Vec<RayTypeInfo>,
     pub(crate) ray_generations: Vec<RayGenerationRecord<'s>>,
     pub(crate) misses: Vec<Option<MissRecord<'s>>>,
@@ -62,11 +64,12 @@ impl<'s> Pipeline<'s> {
         let hits = || table.hits.iter().flatten();
         let has_any_hit = hits().any(|record| record.has_any_hit());
         let has_intersection = hits().any(|record| record.kind() == GeometryKind::Procedural);
-        let ShaderTable { ray_types, ray_generations, misses, hits, callables } = table;
+        let ShaderTable { identity, ray_types, ray_generations, misses, hits, callables } = table;
         for ray_type in &ray_types {
             check_ray_type(ray_type, &misses)?;
         }
         Ok(Self {
+            identity,
             ray_types,
             ray_generations,
             misses,
@@ -97,19 +100,18 @@ impl<'s> Pipeline<'s> {
         height: u32,
         depth: u32,
     ) -> Result<(), DispatchError> {
-        let index = shader.index;
-        let Some(record) = self.ray_generations.get(index as usize) else {
-            return Err(DispatchError::NoRayGeneration { index });
+        let Some(record) = self.ray_generations.get(self.identity.index(shader.key)) else {
+            return Err(DispatchError::OtherRayGeneration);
         };
         check_launches(width, height, depth)?;
         self.check(tlas)?;
         let dimensions = UVec3::new(width, height, depth);
         let dispatch = Dispatch { pipeline: self, tlas, dimensions, failure: Failure::default() };
         tiles(dimensions, TILE).for_each(|launches| {
-            for launch_index in launches {
+            launches.for_each(|launch_index| {
                 let call = Call { dispatch: &dispatch, launch_index, depth: 0, callable_depth: 0 };
                 (record.run)(&RayGeneration { call });
-            }
+            });
         });
         dispatch.failure.into_result()
     }
@@ -151,11 +153,18 @@ pub(crate) fn tiles(
 pub(crate) trait HitTable {
     fn records(&self) -> usize;
 
+    /// What makes groups for triangles and for procedural primitives.
+    fn constructors(&self) -> [&'static str; 2];
+
     /// The group of a record, what it is for, and its payload; `None` if the record is empty.
     fn record(&self, index: usize) -> Option<(&str, GeometryKind, (TypeId, &'static str))>;
 }
 
 impl HitTable for Pipeline<'_> {
+    fn constructors(&self) -> [&'static str; 2] {
+        ["HitGroup::triangles", "HitGroup::procedural"]
+    }
+
     fn records(&self) -> usize {
         self.hits.len()
     }
@@ -212,9 +221,10 @@ fn check_hit(
     let Some((group, found, payload)) = table.record(index as usize) else { return Ok(()) };
     let group = group.to_owned();
     if found != kind {
+        let constructors = table.constructors();
         let constructor = match kind {
-            GeometryKind::Triangles => "triangles",
-            GeometryKind::Procedural => "procedural",
+            GeometryKind::Triangles => constructors[0],
+            GeometryKind::Procedural => constructors[1],
         };
         return Err(PipelineError::HitKind {
             ray_type: name(),

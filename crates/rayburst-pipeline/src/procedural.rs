@@ -2,6 +2,7 @@
 
 use std::{any::Any, ops::ControlFlow};
 
+use bytemuck::Pod;
 use rayburst_accel::{ProceduralCandidate, RayFlags};
 use rayburst_math::{Hit, HitKind, Ray};
 
@@ -13,6 +14,28 @@ pub(crate) type Attributes = [u32; 8];
 /// The attributes of a triangle.
 pub(crate) fn barycentrics(hit: &Hit) -> Attributes {
     [hit.u.to_bits(), hit.v.to_bits(), 0, 0, 0, 0, 0, 0]
+}
+
+/// Attributes of at most 32 bytes as words.
+pub(crate) fn words_of<A: Pod>(attributes: &A) -> Attributes {
+    let mut words = [0; 8];
+    let bytes = bytemuck::bytes_of(attributes);
+    bytemuck::cast_slice_mut(&mut words)[..bytes.len()].copy_from_slice(bytes);
+    words
+}
+
+/// A hit that an intersection shader reports.
+pub(crate) fn report(candidate: &ProceduralCandidate, t: f32, kind: u8) -> Hit {
+    Hit {
+        t,
+        u: 0.0,
+        v: 0.0,
+        primitive: candidate.primitive,
+        geometry: candidate.geometry,
+        instance: candidate.instance,
+        kind: HitKind::procedural(kind),
+        reserved: 0,
+    }
 }
 
 /// What the intersection shaders of a ray have reported so far.
@@ -34,16 +57,7 @@ impl Reports<'_> {
         let inside = t >= self.search.ray.ray.t_min && t <= self.t_max;
         let Some(record) = self.record.filter(|_| inside && !self.ended) else { return false };
         let candidate = &self.candidate;
-        let hit = Hit {
-            t,
-            u: 0.0,
-            v: 0.0,
-            primitive: candidate.primitive,
-            geometry: candidate.geometry,
-            instance: candidate.instance,
-            kind: HitKind::procedural(kind),
-            reserved: 0,
-        };
+        let hit = report(candidate, t, kind);
         // Of hits at one distance the least indices win, whatever the order; of one primitive the last.
         if self.best.is_hit() && self.best.precedes(&hit) {
             return false;

@@ -32,6 +32,13 @@ impl<T: NoUninit + AnyBitPattern> RwBuffer<T> {
         Self { words, element: PhantomData }
     }
 
+    /// The elements of a slice.
+    pub fn from_slice(elements: &[T]) -> Self {
+        let buffer = Self::new(elements.len());
+        elements.iter().enumerate().for_each(|(index, &element)| buffer.store(index, element));
+        buffer
+    }
+
     /// How many elements there are.
     pub fn len(&self) -> usize {
         self.words.len() / Self::WORDS
@@ -50,18 +57,17 @@ impl<T: NoUninit + AnyBitPattern> RwBuffer<T> {
     /// Reads an element; beyond the end zero, as in DXR.
     pub fn load(&self, index: usize) -> T {
         let mut value = T::zeroed();
-        let bytes = bytemuck::bytes_of_mut(&mut value).chunks_exact_mut(4);
-        for (bytes, word) in bytes.zip(self.words(index).into_iter().flatten()) {
-            bytes.copy_from_slice(&word.load(Ordering::Relaxed).to_ne_bytes());
+        let (bytes, _) = bytemuck::bytes_of_mut(&mut value).as_chunks_mut();
+        for (bytes, word) in bytes.iter_mut().zip(self.words(index).into_iter().flatten()) {
+            *bytes = word.load(Ordering::Relaxed).to_ne_bytes();
         }
         value
     }
 
     /// Writes an element; beyond the end nothing happens, as in DXR.
     pub fn store(&self, index: usize, value: T) {
-        let bytes = bytemuck::bytes_of(&value);
-        for (at, word) in self.words(index).into_iter().flatten().enumerate() {
-            let bytes = [0, 1, 2, 3].map(|byte| bytes[4 * at + byte]);
+        let (bytes, _) = bytemuck::bytes_of(&value).as_chunks();
+        for (&bytes, word) in bytes.iter().zip(self.words(index).into_iter().flatten()) {
             word.store(u32::from_ne_bytes(bytes), Ordering::Relaxed);
         }
     }
@@ -102,6 +108,23 @@ impl<T: NoUninit + AnyBitPattern> RwTexture<T> {
         Self { width, texels: RwBuffer::new(width as usize * height as usize) }
     }
 
+    /// The texels of rows of some width, from the top; `None` if they are no whole rows.
+    pub fn from_slice(width: u32, texels: &[T]) -> Option<Self> {
+        let is_whole = match width {
+            0 => texels.is_empty(),
+            _ => texels.len().is_multiple_of(width as usize),
+        };
+        let height = texels.len().checked_div(width as usize).unwrap_or(0);
+        (is_whole && u32::try_from(height).is_ok())
+            .then(|| Self { width, texels: RwBuffer::from_slice(texels) })
+    }
+
+    /// Width and height, in texels.
+    pub fn size(&self) -> UVec2 {
+        let rows = self.texels.len().checked_div(self.width as usize);
+        UVec2::new(self.width, rows.unwrap_or(0) as u32)
+    }
+
     fn index(&self, at: UVec2) -> usize {
         if at.x < self.width {
             at.y as usize * self.width as usize + at.x as usize
@@ -120,7 +143,7 @@ impl<T: NoUninit + AnyBitPattern> RwTexture<T> {
         self.texels.store(self.index(at), value);
     }
 
-    /// All texels, row by row.
+    /// All texels, row by row: what image files and [`RwTexture::from_slice`] take.
     pub fn to_vec(&self) -> Vec<T> {
         self.texels.to_vec()
     }

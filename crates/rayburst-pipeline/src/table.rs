@@ -13,6 +13,7 @@ use crate::{
     HitGroup, Pipeline, PipelineError,
     context::{Callable, Miss, RayGeneration},
     hit_group::{HitRecord, Record},
+    identity::Identity,
 };
 
 /// A ray type with a payload `P`: which records its rays find.
@@ -22,21 +23,21 @@ use crate::{
 /// `MultiplierForGeometryContributionToHitGroupIndex` and `InstanceContributionToHitGroupIndex`); one that
 /// misses the miss record `miss`. Records are numbered from 0 in the order in which they are added.
 pub struct RayType<P> {
-    pub(crate) index: u32,
+    pub(crate) key: u32,
     payload: PhantomData<fn(&mut P)>,
 }
 
 /// Where a ray generation shader is in its table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct RayGenerationId {
-    pub(crate) index: u32,
+    pub(crate) key: u32,
 }
 
 /// Where a callable shader with parameters `D` is in its table.
 ///
 /// The handle is plain data: keep several in an array, pick one at run time.
 pub struct CallableId<D> {
-    pub(crate) index: u32,
+    pub(crate) key: u32,
     data: PhantomData<fn(&mut D)>,
 }
 
@@ -53,7 +54,7 @@ macro_rules! handle {
 
         impl<T> fmt::Debug for $name<T> {
             fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                write!(f, "{}<{}>({})", stringify!($name), type_name::<T>(), self.index)
+                write!(f, "{}<{}>({})", stringify!($name), type_name::<T>(), self.key)
             }
         }
     };
@@ -99,9 +100,11 @@ pub(crate) struct CallableRecord<'s> {
     pub(crate) run: Box<CallableFn<'s>>,
 }
 
-/// A shader table in the making; see [`Pipeline`].
+/// A shader table in the making; see [`Pipeline`]. What its shaders capture by reference must be declared before
+/// it, and lives as long as the table and the pipeline do.
 #[derive(Default)]
 pub struct ShaderTable<'s> {
+    pub(crate) identity: Identity,
     pub(crate) ray_types: Vec<RayTypeInfo>,
     pub(crate) ray_generations: Vec<RayGenerationRecord<'s>>,
     pub(crate) misses: Vec<Option<MissRecord<'s>>>,
@@ -132,7 +135,7 @@ impl<'s> ShaderTable<'s> {
             miss,
             payload,
         });
-        RayType { index: self.ray_types.len() as u32 - 1, payload: PhantomData }
+        RayType { key: self.identity.last(&self.ray_types), payload: PhantomData }
     }
 
     /// Adds a ray generation shader: it runs once for every index of a dispatch's grid.
@@ -141,7 +144,7 @@ impl<'s> ShaderTable<'s> {
         shader: impl Fn(&RayGeneration<'_>) + Send + Sync + 's,
     ) -> RayGenerationId {
         self.ray_generations.push(RayGenerationRecord { run: Box::new(shader) });
-        RayGenerationId { index: self.ray_generations.len() as u32 - 1 }
+        RayGenerationId { key: self.identity.last(&self.ray_generations) }
     }
 
     /// Adds a miss shader, and gives the index of its record; the name is for messages.
@@ -194,7 +197,7 @@ impl<'s> ShaderTable<'s> {
             }
         });
         self.callables.push(CallableRecord { run });
-        CallableId { index: self.callables.len() as u32 - 1, data: PhantomData }
+        CallableId { key: self.identity.last(&self.callables), data: PhantomData }
     }
 
     /// Makes a pipeline whose rays are traced inside each other at most `max_recursion_depth` deep: 1 if

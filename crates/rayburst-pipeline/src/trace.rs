@@ -5,8 +5,9 @@ use std::{
     cell::{Cell, RefCell},
 };
 
+use glam::Vec4;
 use rayburst_accel::{AcceptAll, CandidateFilter, RayFlags};
-use rayburst_math::{Hit, Ray};
+use rayburst_math::{Hit, HitKind, Ray};
 
 use crate::{
     AnyHitResult, DispatchError,
@@ -16,6 +17,10 @@ use crate::{
     procedural,
     table::RayTypeInfo,
 };
+
+/// What is in cache lines of its own, wherever the stack is: kernels read rays as a whole.
+#[repr(align(64))]
+struct Aligned<T>(T);
 
 /// What the search for a hit knows.
 pub(crate) struct Search<'a> {
@@ -92,7 +97,7 @@ impl CandidateFilter for AnyHitFilter<'_, '_> {
 /// Traces a ray and runs its shaders.
 pub(crate) fn trace_ray(
     call: &Call<'_>,
-    ray_type: u32,
+    ray_type: &RayTypeInfo,
     flags: RayFlags,
     mask: u8,
     ray: &Ray,
@@ -103,16 +108,14 @@ pub(crate) fn trace_ray(
         let limit = pipeline.max_recursion_depth;
         return call.fail(|launch| DispatchError::RecursionDepth { launch, limit });
     }
-    let Some(ray_type) = pipeline.ray_types.get(ray_type as usize) else {
-        return call.fail(|launch| DispatchError::OtherPipeline { launch });
-    };
-    let call = Call { depth: call.depth + 1, ..*call };
-    let traced = TracedRay { ray: *ray, flags };
-    let search = Search { call, ray: &traced, ray_type };
-    let (mut hit, ended) = find_triangle(&search, mask, payload);
+    let traced = Aligned(TracedRay { ray: *ray, flags });
+    let traced = &traced.0;
+    let search = Search { call: Call { depth: call.depth + 1, ..*call }, ray: traced, ray_type };
+    let mut ended = false;
+    let mut hit = find_triangle(&search, mask, payload, &mut ended);
     let mut words = procedural::barycentrics(&hit);
-    if !ended
-        && pipeline.has_intersection
+    if pipeline.has_intersection
+        && !(ended && hit.is_hit())
         && let Some((nearer, attributes)) = procedural::find(&search, mask, &hit, payload)
     {
         (hit, words) = (nearer, attributes);
@@ -121,10 +124,10 @@ pub(crate) fn trace_ray(
         if !flags.contains(RayFlags::SKIP_CLOSEST_HIT_SHADER)
             && let Some(record) = search.record(hit.instance, hit.geometry)
         {
-            record.closest_hit(&call, &traced, &hit, &words, payload);
+            record.closest_hit(&search.call, traced, &hit, &words, payload);
         }
     } else if let Some(Some(miss)) = pipeline.misses.get(ray_type.miss as usize) {
-        (miss.run)(&Miss { call, ray: &traced }, payload);
+        (miss.run)(&Miss { call: &search.call, ray: traced }, payload);
     }
 }
 
@@ -134,23 +137,44 @@ pub(crate) fn trace_ray(
 pub(crate) fn open(ray: &Ray) -> Ray {
     /// Below this `t` is as good as zero (2⁻¹⁰⁰).
     const LEAST: f32 = f32::from_bits((127 - 100) << 23);
-    let t_min = if ray.t_min.abs() < LEAST { LEAST } else { ray.t_min.next_up() };
-    let t_max = if ray.t_max.abs() < LEAST { -LEAST } else { ray.t_max.next_down() };
-    Ray { t_min, t_max, ..*ray }
+    // Without branches, other than the methods of `f32`, and the same but for a start at ∞ and an end
+    // at −∞, between which there is nothing either way.
+    let next = |t: f32, is_up: bool| {
+        let step = if t.is_sign_negative() == is_up { u32::MAX } else { 1 };
+        let next = f32::from_bits(t.to_bits().wrapping_add(step));
+        if t.is_nan() { t } else { next }
+    };
+    let t_min = if ray.t_min.abs() < LEAST { LEAST } else { next(ray.t_min, true) };
+    let t_max = if ray.t_max.abs() < LEAST { -LEAST } else { next(ray.t_max, false) };
+    // In halves, as kernels read it: what was written in smaller parts would wait for memory.
+    let [mut origin, mut direction]: [Vec4; 2] = bytemuck::cast(*ray);
+    (origin.w, direction.w) = (t_min, t_max);
+    bytemuck::cast([origin, direction])
 }
 
-/// The triangle that a ray stops at, and whether that ends the search.
-fn find_triangle(search: &Search<'_>, mask: u8, payload: &mut dyn Any) -> (Hit, bool) {
+/// Stands for a hit of which only is known that there is one, and nobody asks for more.
+const SOME_HIT: Hit = Hit { kind: HitKind(u32::MAX), ..Hit::MISS };
+
+fn some_hit(found: bool) -> Hit {
+    if found { SOME_HIT } else { Hit::MISS }
+}
+
+/// The triangle that a ray stops at; notes whether that ends the search.
+fn find_triangle(search: &Search<'_>, mask: u8, payload: &mut dyn Any, ended: &mut bool) -> Hit {
     let (tlas, ray) = (search.call.dispatch.tlas, &search.ray.ray);
     let options = search.ray.flags.options(mask);
-    let ray = open(ray);
+    let ray = &Aligned(open(ray)).0;
     let first = search.ray.flags.contains(RayFlags::ACCEPT_FIRST_HIT_AND_END_SEARCH);
+    // No shader sees the hit.
+    let any = first && search.ray.flags.contains(RayFlags::SKIP_CLOSEST_HIT_SHADER);
     if !search.call.dispatch.pipeline.has_any_hit {
-        return if first {
-            let hit = tlas.first_hit(&ray, &options, &AcceptAll);
-            (hit, hit.is_hit())
+        *ended = first;
+        return if any {
+            some_hit(tlas.any_hit(ray, &options, &AcceptAll))
+        } else if first {
+            tlas.first_hit(ray, &options, &AcceptAll)
         } else {
-            (tlas.closest_hit(&ray, &options, &AcceptAll), false)
+            tlas.closest_hit(ray, &options, &AcceptAll)
         };
     }
     let filter = AnyHitFilter {
@@ -159,10 +183,13 @@ fn find_triangle(search: &Search<'_>, mask: u8, payload: &mut dyn Any) -> (Hit, 
         ends: Cell::new(false),
         asked: RefCell::new(Vec::new()),
     };
-    if first {
-        let hit = tlas.first_hit(&ray, &options, &filter);
-        (hit, hit.is_hit())
+    let hit = if any {
+        some_hit(tlas.any_hit(ray, &options, &filter))
+    } else if first {
+        tlas.first_hit(ray, &options, &filter)
     } else {
-        (tlas.closest_hit(&ray, &options, &filter), filter.ends.get())
-    }
+        tlas.closest_hit(ray, &options, &filter)
+    };
+    *ended = first || filter.ends.get();
+    hit
 }

@@ -14,7 +14,8 @@ pub(crate) use top::ProceduralTop;
 pub use visit::ProceduralCandidate;
 
 use crate::{
-    BuildError, BuildOptions, BuildStats, BvhDefect, Geometry, ValidationReport,
+    BuildError, BuildOptions, BuildStats, BvhDefect, Geometry, ProceduralBoxes, RefitReport,
+    ValidationReport,
     build::{
         boxes::{BoxLeaves, Boxes, twice_the_centre},
         monitor::Monitor,
@@ -25,6 +26,7 @@ use crate::{
         triangles::locate,
         view::TreeView,
     },
+    refit::boxes,
     validate,
 };
 
@@ -83,6 +85,35 @@ impl ProceduralTree {
         Ok(Some(Self { tree, starts, opaque, primitives }))
     }
 
+    /// The first primitive that is not in the tree, but could be met in its box now.
+    pub(crate) fn reappeared(&self, geometries: &[ProceduralBoxes<'_>]) -> Option<(u32, u32)> {
+        let total = *self.starts.last().unwrap_or(&0);
+        if self.tree.shape.leaves == total as usize {
+            return None;
+        }
+        let mut present = vec![false; total as usize];
+        self.tree.for_each_leaf(|number| present[number as usize] = true);
+        let absent = (0..total).filter(|&number| !present[number as usize]);
+        let mut absent = absent.map(|number| locate(&self.starts, number));
+        absent.find(|&(geometry, primitive)| {
+            is_active(&geometries[geometry as usize].boxes[primitive as usize])
+        })
+    }
+
+    /// Moves the primitives; there must be as many as at the build, and none that [`Self::reappeared`].
+    pub(crate) fn refit(&mut self, geometries: &[ProceduralBoxes<'_>]) -> RefitReport {
+        let starts = &self.starts;
+        let bounds_of = |number| {
+            let (geometry, primitive) = locate(starts, number);
+            let bounds = geometries[geometry as usize].boxes[primitive as usize];
+            if is_active(&bounds) { bounds } else { Aabb::EMPTY }
+        };
+        let report = boxes::refit(&mut self.tree, bounds_of);
+        self.primitives =
+            geometries.iter().flat_map(|all| all.boxes).filter(|b| is_active(b)).count();
+        report
+    }
+
     /// The box around all primitives that can be met; empty if there are none.
     pub(crate) fn bounds(&self) -> Aabb {
         self.tree.bounds
@@ -95,7 +126,7 @@ impl ProceduralTree {
         BuildStats {
             primitives: other.primitives + self.primitives,
             inactive: other.inactive + total - self.primitives,
-            references: other.references + self.primitives,
+            references: other.references + shape.leaves,
             nodes: other.nodes + shape.nodes,
             leaves: other.leaves + shape.leaves,
             depth: other.depth.max(shape.depth),

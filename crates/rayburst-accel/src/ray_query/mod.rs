@@ -37,7 +37,9 @@ use crate::{
 ///   `(instance, geometry, primitive)` wins, whatever the order of candidates, which is unspecified.
 /// - With [`RayFlags::ACCEPT_FIRST_HIT_AND_END_SEARCH`] the first hit that is committed is the answer.
 /// - After spatial splits ([`Blas::may_ask_twice`]) a triangle that was not committed may be a candidate
-///   again. A box is a candidate once, and may be barely missed.
+///   again, even of geometry with `no_duplicate_any_hit`: a query keeps no list of what it has shown. Whoever
+///   must not count a triangle twice keeps one, or builds without splits. One that was committed never is,
+///   and a box is a candidate once, though it may be barely missed.
 /// - Calls at the wrong time do nothing or return `None`.
 ///
 /// A query takes about 8 KiB, most of it not initialised, and allocates nothing;

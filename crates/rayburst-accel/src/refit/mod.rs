@@ -6,9 +6,12 @@
 //!
 //! Changed: works on the wide nodes and leaves in place ([`whole`]), in the order of the memory, many
 //! leaves at a time ([`leaves`]). Where few triangles moved, boxes may grow instead ([`changed`]).
+//! Procedural primitives have trees whose leaves are boxes ([`procedural`], [`boxes`]).
 
+pub(crate) mod boxes;
 pub(crate) mod changed;
 mod leaves;
+pub(crate) mod procedural;
 mod whole;
 
 use rayburst_math::Aabb;
@@ -28,7 +31,7 @@ use crate::{
 /// What a refit did.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RefitReport {
-    /// The box around all triangles that can be hit.
+    /// The box around all that was refitted and can be hit.
     pub bounds: Aabb,
     /// Cost by the surface area heuristic before, as in [`crate::BuildStats::sah_cost`].
     pub sah_before: f32,
@@ -55,7 +58,8 @@ impl Blas {
     /// Moves the triangles to new places: the geometries must have as many triangles as those that
     /// the structure was built from, and should have the same vertices for each. Geometries keep
     /// the opacity of the build. Procedural geometries stay as they are: for each a mesh without
-    /// triangles must be given, and reports are of the triangles alone.
+    /// triangles must be given, and reports are of the triangles alone; see [`Blas::refit_procedural`]
+    /// and [`Blas::refit_geometries`].
     ///
     /// A triangle that can no longer be hit (not finite, too large, zero area) is missed until
     /// another refit brings it back. One that could not be hit when the structure was *built* is not
@@ -103,14 +107,15 @@ impl Blas {
         Ok(())
     }
 
+    /// Whether there are as many geometries as at the build.
+    fn check_count(&self, given: usize) -> Result<(), BuildError> {
+        let built = self.geometry_count();
+        if given == built { Ok(()) } else { Err(BuildError::GeometriesDiffer { built, given }) }
+    }
+
     /// Whether there are as many geometries and triangles as at the build.
     fn check_counts(&self, geometries: &[TriangleMesh<'_>]) -> Result<(), BuildError> {
-        if geometries.len() != self.geometry_count() {
-            return Err(BuildError::GeometriesDiffer {
-                built: self.geometry_count(),
-                given: geometries.len(),
-            });
-        }
+        self.check_count(geometries.len())?;
         for (geometry, mesh) in geometries.iter().enumerate() {
             let built = self.triangle_count(geometry);
             if mesh.indices.len() != built {

@@ -16,6 +16,7 @@ mod procedural;
 mod ray_query;
 mod refit;
 mod refit_changed;
+mod refit_procedural;
 mod rules;
 mod skipping;
 mod small;

@@ -21,7 +21,7 @@ pub enum Part {
 }
 
 impl Part {
-    fn geometry(&self) -> Geometry<'_> {
+    pub fn geometry(&self) -> Geometry<'_> {
         match self {
             Self::Triangles(mesh, opaque) => {
                 TriangleMesh { opaque: *opaque, ..mesh.geometry() }.into()

@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use glam::{Affine3A, Vec3};
 use rayburst_accel::{
-    AcceptAll, Blas, BuildOptions, CandidateType, CommittedStatus, Instance, IsaLevel,
-    ProceduralBoxes, RayFlags, RayQuery, Tlas, TraceOptions, TriangleMesh,
+    AcceptAll, Blas, BuildOptions, BuildQuality, CandidateType, CommittedStatus, Instance,
+    IsaLevel, ProceduralBoxes, RayFlags, RayQuery, Tlas, TraceOptions, TriangleMesh,
 };
 use rayburst_math::{Aabb, Hit, HitKind, Ray};
 
 use crate::{
-    meshes::{Mesh, Random, all_builds, needles, ray_at, soup, with_isa},
+    meshes::{Mesh, Random, all_builds, needles, ray_at, soup, with_isa, with_quality},
     mixed::{
         Ends, Part, Probe, Rules, World, blas, local, passes, primitives, sphere_hits, spheres,
     },
@@ -601,4 +601,42 @@ fn calls_at_the_wrong_time_do_nothing() {
     assert_eq!(query.ray_flags(), RayFlags::FORCE_OPAQUE);
     assert!(none(&query) && nothing(&query));
     assert!(!query.proceed() && nothing(&query));
+}
+
+/// Geometry with `no_duplicate_any_hit` after spatial splits: a query may show a triangle that was not
+/// committed again, one that was committed never; what there is to see is all there.
+#[test]
+fn triangles_in_several_leaves_may_be_candidates_again_until_they_are_committed() {
+    let mesh = soup(247, 2000, 0.05).merged(&soup(248, 60, 1.0));
+    let geometry = TriangleMesh { opaque: false, no_duplicate_any_hit: true, ..mesh.geometry() };
+    let options = BuildOptions { reference_budget: Some(4.0), ..with_quality(BuildQuality::Best) };
+    let blas = Blas::build(&[geometry], &options).unwrap();
+    assert!(blas.may_ask_twice() && blas.geometries()[0].no_duplicate_any_hit);
+    let (mut shown, mut different, mut random) = (0, 0, Random::new(248));
+    for _ in 0..2000 {
+        let ray = ray_at(&mut random, Vec3::ZERO, 1.0);
+        let mut seen = vec![];
+        let mut query = RayQuery::of_blas(&blas, RayFlags::empty(), &ray);
+        while query.proceed() {
+            seen.extend(query.candidate_primitive_index());
+        }
+        shown += seen.len();
+        seen.sort_unstable();
+        seen.dedup();
+        different += seen.len();
+        let mut committed = vec![];
+        query.restart(RayFlags::empty(), 0xFF, &ray);
+        while query.proceed() {
+            committed.extend(query.candidate_primitive_index());
+            query.commit_non_opaque_triangle_hit();
+        }
+        let before = committed.len();
+        committed.sort_unstable();
+        committed.dedup();
+        assert_eq!(committed.len(), before, "{ray:?}");
+        let nearest = blas.closest_hit(&ray, &TraceOptions::DEFAULT, &AcceptAll);
+        assert_eq!(query.committed(), nearest);
+        assert!(!nearest.is_hit() || seen.contains(&nearest.primitive));
+    }
+    assert!(different > 200 && shown > different, "{shown} shown, {different} different");
 }

@@ -1,40 +1,47 @@
 //! Running portable shaders: a tile's rays, traced in batches and shaded record by record.
 
+use std::sync::{Mutex, PoisonError};
+
 use glam::UVec3;
-use rayburst_accel::{AcceptAll, CandidateFilter, RayFlags, Tlas};
-use rayburst_math::{Hit, HitKind, Ray};
+use rayburst_accel::{AcceptAll, CandidateFilter, RayFlags, Tlas, TraceOptions};
+use rayburst_math::{Hit, Ray};
 use rayon::prelude::*;
 
-use super::{Next, PortableHit, PortablePipeline, PortableRay, TraceRequest};
+use super::{
+    Next, PortablePipeline,
+    group::AnyHit,
+    procedural::Search,
+    shade::{Group, State, Step},
+};
 use crate::{
     AnyHitResult, DispatchError,
     pipeline::{check_launches, tiles},
-    trace::open,
+    procedural::{Attributes, barycentrics},
+    table::RayTypeInfo,
 };
 
 /// Launches of a tile along a side: what is kept of them stays in the second cache.
 const TILE: u32 = 32;
+/// Where so many neighbours find the same shader on average, it is called for them as they are; otherwise
+/// once for all that find it.
+const RUN: usize = 8;
 
-/// A launch on its way.
-struct State<P> {
-    launch: UVec3,
-    payload: P,
-    request: TraceRequest,
-    /// Rays that were traced before.
-    depth: u32,
-    /// Whether no ray is left to trace.
-    done: bool,
-}
-
-/// The launches of a tile and what their rays find; one a thread at a time, kept from tile to tile.
-struct Queue<P> {
+/// The launches of a tile and what their rays find; one a thread at a time.
+pub(super) struct Queue<P> {
     states: Vec<State<P>>,
+    /// As they are traced.
     rays: Vec<Ray>,
+    /// What is sorted goes there, then changes places.
+    sorted: (Vec<State<P>>, Vec<Ray>),
     hits: Vec<Hit>,
+    attributes: Vec<Attributes>,
     occluded: Vec<bool>,
+    /// The shader that each ray finds, and the rays of each in turn.
     found: Vec<u32>,
     order: Vec<u32>,
-    starts: Vec<u32>,
+    ends: Vec<u32>,
+    /// All indices of rays.
+    all: Vec<u32>,
 }
 
 impl<P> Default for Queue<P> {
@@ -42,68 +49,105 @@ impl<P> Default for Queue<P> {
         Self {
             states: vec![],
             rays: vec![],
+            sorted: (vec![], vec![]),
             hits: vec![],
+            attributes: vec![],
             occluded: vec![],
             found: vec![],
             order: vec![],
-            starts: vec![],
+            ends: vec![],
+            all: vec![],
         }
+    }
+}
+
+/// Queues that no thread uses now, kept from dispatch to dispatch.
+pub(super) struct Queues<P>(Mutex<Vec<Queue<P>>>);
+
+impl<P> Default for Queues<P> {
+    fn default() -> Self {
+        Self(Mutex::new(vec![]))
+    }
+}
+
+/// A queue in use, given back when it is dropped.
+struct Lent<'a, P> {
+    queue: Queue<P>,
+    to: &'a Queues<P>,
+}
+
+impl<P> Queues<P> {
+    fn lend(&self) -> Lent<'_, P> {
+        let mut queues = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        Lent { queue: queues.pop().unwrap_or_default(), to: self }
+    }
+}
+
+impl<P> Drop for Lent<'_, P> {
+    fn drop(&mut self) {
+        let mut queues = self.to.0.lock().unwrap_or_else(PoisonError::into_inner);
+        queues.push(std::mem::take(&mut self.queue));
     }
 }
 
 /// Rays that are traced together.
 struct Batch<'a, P> {
     pipeline: &'a PortablePipeline<'a, P>,
-    tlas: &'a Tlas,
-    dimensions: UVec3,
+    step: Step<'a>,
     states: &'a [State<P>],
+    rays: &'a [Ray],
+    ray_type: &'a RayTypeInfo,
 }
 
 impl<P> Batch<'_, P> {
-    fn ray(&self, index: usize) -> PortableRay<'_> {
-        let state = &self.states[index];
-        PortableRay {
-            launch_index: state.launch,
-            launch_dimensions: self.dimensions,
-            ray: &state.request.ray,
-            depth: state.depth,
-        }
+    /// The record that a hit finds.
+    #[inline(always)]
+    fn record(&self, hit: &Hit) -> u64 {
+        let instance = &self.step.tlas.instances()[hit.instance as usize];
+        self.ray_type.record(instance.contribution, hit.geometry)
     }
-}
-
-/// The record that a hit finds.
-fn record_of<P>(
-    pipeline: &PortablePipeline<'_, P>,
-    tlas: &Tlas,
-    request: &TraceRequest,
-    hit: &Hit,
-) -> u64 {
-    let instance = &tlas.instances()[hit.instance as usize];
-    let ray_type = &pipeline.ray_types[request.ray_type.index as usize];
-    ray_type.record(instance.contribution, hit.geometry)
 }
 
 impl<P> CandidateFilter for Batch<'_, P> {
     fn accept(&self, index: u32, _: &Ray, candidate: &Hit) -> bool {
-        let state = &self.states[index as usize];
-        let record = record_of(self.pipeline, self.tlas, &state.request, candidate);
-        let Some(Some(record)) = self.pipeline.hits.get(record as usize) else { return true };
-        let ray = self.ray(index as usize);
-        let hit = PortableHit { ray, hit: candidate, record: &(), tlas: self.tlas };
+        let (state, ray) = (&self.states[index as usize], &self.rays[index as usize]);
+        let record = self.record(candidate) as usize;
+        let Some(Some(record)) = self.pipeline.hits.get(record) else { return true };
+        let asked = state.asked(ray);
+        let (ray, attributes) = (self.step.ray(state, &asked), &barycentrics(candidate));
+        let tlas = self.step.tlas;
+        let hit = AnyHit { ray, hit: candidate, attributes, tlas };
         record.any_hit(&hit, &state.payload) != AnyHitResult::Ignore
     }
 }
 
-/// Stands for a hit of which only is known that there is one.
-const SOME_HIT: Hit = Hit { kind: HitKind(u32::MAX), ..Hit::MISS };
+/// Why launches of a tile failed.
+#[derive(Clone, Copy)]
+enum Failure {
+    TooManyRays,
+    OtherPipeline,
+}
+
+/// The place of a launch in the order of rows.
+fn row_order(launch: UVec3) -> (u32, u32, u32) {
+    (launch.z, launch.y, launch.x)
+}
+
+/// The first launch that failed.
+type First = Option<(UVec3, Failure)>;
+
+fn earlier(a: First, b: First) -> First {
+    a.into_iter().chain(b).min_by_key(|(launch, _)| row_order(*launch))
+}
 
 impl<P: Copy + Send + Sync + 'static> PortablePipeline<'_, P> {
     /// Runs the shaders for every index of a grid of `width × height × depth`, in tiles on the current
     /// thread pool: `generate` gives a launch's payload and first ray, `finish` gets its payload when no
     /// ray is left. Rays are traced in `tlas`.
     ///
-    /// If a launch asks for more rays than were declared, the others run to the end all the same, that
-    /// launch is not finished, and the error is that of the first such one, in the order of rows.
+    /// If a launch asks for more rays than were declared, or for one of a type of another pipeline, the
+    /// others run to the end all the same, that launch is not finished, and the error is that of the first
+    /// such one, in the order of rows.
     pub fn dispatch_rays(
         &self,
         tlas: &Tlas,
@@ -114,184 +158,267 @@ impl<P: Copy + Send + Sync + 'static> PortablePipeline<'_, P> {
         check_launches(width, height, depth)?;
         self.check(tlas)?;
         let dimensions = UVec3::new(width, height, depth);
-        let order = |launch: &UVec3| (launch.z, launch.y, launch.x);
-        let failures = tiles(dimensions, TILE).map_init(Queue::default, |queue, launches| {
-            queue.states.clear();
-            for launch in launches {
-                let (payload, next) = generate(launch);
-                match next {
-                    Next::Done => finish(launch, payload),
-                    Next::Trace(request) => {
-                        queue.states.push(State {
-                            launch,
-                            payload,
-                            request,
-                            depth: 0,
-                            done: false,
-                        });
+        let failures = tiles(dimensions, TILE).map_init(
+            || self.queues.lend(),
+            |lent, launches| {
+                let queue = &mut lent.queue;
+                queue.clear();
+                launches.for_each(|launch| {
+                    let (payload, next) = generate(launch);
+                    match next {
+                        Next::Done => finish(launch, payload),
+                        Next::Trace(request) => {
+                            let (state, ray) = State::new(launch, payload, &request);
+                            queue.states.push(state);
+                            queue.rays.push(ray);
+                        }
                     }
+                });
+                let mut step = Step { tlas, dimensions, depth: 0 };
+                let mut first = None;
+                while !queue.states.is_empty() {
+                    // All have traced as many: none may go on.
+                    if step.depth >= self.max_rays {
+                        let launches = queue.states.iter().map(|state| state.launch);
+                        let launch = launches.min_by_key(|launch| row_order(*launch));
+                        return earlier(first, launch.map(|at| (at, Failure::TooManyRays)));
+                    }
+                    first = earlier(first, self.step(&step, queue));
+                    queue.retain(&finish);
+                    step.depth += 1;
                 }
+                first
+            },
+        );
+        match failures.reduce(|| None, earlier) {
+            Some((launch, Failure::TooManyRays)) => {
+                Err(DispatchError::TooManyRays { launch, limit: self.max_rays })
             }
-            while let Some(first) = queue.states.first() {
-                // All have traced as many: none may go on.
-                if first.depth >= self.max_rays {
-                    return queue.states.iter().map(|state| state.launch).min_by_key(order);
-                }
-                self.step(tlas, dimensions, queue, &finish);
+            Some((launch, Failure::OtherPipeline)) => {
+                let payload = std::any::type_name::<P>();
+                Err(DispatchError::OtherPipeline { launch, payload })
             }
-            None
-        });
-        let first = failures.flatten().min_by_key(order);
-        match first {
-            Some(launch) => Err(DispatchError::TooManyRays { launch, limit: self.max_rays }),
             None => Ok(()),
         }
     }
 
-    /// Traces the next ray of every launch, shades what they hit, and keeps the launches that go on.
-    fn step(
-        &self,
-        tlas: &Tlas,
-        dimensions: UVec3,
-        queue: &mut Queue<P>,
-        finish: &impl Fn(UVec3, P),
-    ) {
-        let Queue { states, rays, hits, occluded, .. } = queue;
+    /// Traces the next ray of every launch, and shades what they hit.
+    fn step(&self, step: &Step<'_>, queue: &mut Queue<P>) -> First {
+        let mut first = None;
         // Rays of different flags cannot share a batch.
-        let kind = |state: &State<P>| {
-            let TraceRequest { ray_type, flags, mask, .. } = state.request;
-            (flags.bits(), mask, ray_type)
-        };
-        if !states.is_sorted_by_key(kind) {
-            states.sort_by_key(kind);
+        let kind = queue.states[0].kind;
+        if queue.states.iter().any(|state| state.kind != kind) {
+            first = self.drop_others(queue);
+            queue.sort();
+        } else if self.ray_type(kind.ray_type()).is_none() {
+            first = self.drop_others(queue);
         }
-        rays.clear();
-        rays.extend(states.iter().map(|state| open(&state.request.ray)));
-        hits.clear();
-        hits.resize(states.len(), Hit::MISS);
+        let Queue { states, rays, hits, attributes, occluded, found, order, ends, all, .. } = queue;
+        if hits.len() < states.len() {
+            hits.resize(states.len(), Hit::MISS);
+            found.resize(states.len(), 0);
+            occluded.resize(states.len(), false);
+            all.extend(all.len() as u32..states.len() as u32);
+            if self.has_intersection {
+                attributes.resize(states.len(), [0; 8]);
+            }
+        }
         let mut start = 0;
-        for part in states.chunk_by(|a, b| kind(a) == kind(b)) {
-            let range = start..start + part.len();
+        while let Some(kind) = states.get(start).map(|state| state.kind) {
+            let count = states[start..].partition_point(|state| state.kind == kind);
+            let range = start..start + count;
             start = range.end;
-            let batch = Batch { pipeline: self, tlas, dimensions, states: part };
-            batch.trace(&rays[range.clone()], &mut hits[range], occluded);
+            let part = &states[range.clone()];
+            let Some(ray_type) = self.ray_type(kind.ray_type()) else { continue };
+            let rays = &rays[range.clone()];
+            let batch = Batch { pipeline: self, step: *step, states: part, rays, ray_type };
+            let found = &mut found[range.clone()];
+            let hits = &mut hits[range.clone()];
+            let attributes = attributes.get_mut(range.clone()).unwrap_or_default();
+            batch.trace(hits, attributes, &mut occluded[range], found);
         }
-        self.shade(tlas, dimensions, queue, finish);
-        // In the order of launches, in which neighbours go about the same way.
-        queue.states.retain(|state| !state.done);
+        let found = &found[..states.len()];
+        // Neighbours mostly find the same shader.
+        let changes = found.windows(2).filter(|pair| pair[0] != pair[1]).count();
+        let mut members = if changes < found.len() / RUN {
+            &all[..found.len()]
+        } else {
+            group(found, self.hits.len() + self.misses.len() + 1, ends, order);
+            &order[..]
+        };
+        while let Some(&first) = members.first() {
+            let shader = found[first as usize] as usize;
+            let is_own = |&&i: &&u32| found[i as usize] as usize == shader;
+            let count = members.iter().take_while(is_own).count();
+            let (own, others) = members.split_at(count);
+            members = others;
+            let step = *step;
+            let mut group = Group { step, states, rays, hits, attributes, members: own };
+            match (self.hits.get(shader), self.misses.get(shader.wrapping_sub(self.hits.len()))) {
+                (Some(Some(record)), _) if record.has_closest_hit() => {
+                    record.closest_hit(&mut group);
+                }
+                (_, Some(Some(miss))) => (miss.run)(&mut group),
+                _ => group.finish(),
+            }
+        }
+        first
     }
 
-    /// Runs the shaders of what rays hit, record by record.
-    fn shade(
-        &self,
-        tlas: &Tlas,
-        dimensions: UVec3,
-        queue: &mut Queue<P>,
-        finish: &impl Fn(UVec3, P),
-    ) {
-        let Queue { states, hits, found, order, starts, .. } = queue;
-        let records = self.hits.len() as u32;
-        // What finds no record comes after all of them.
-        let (occluded, miss) = (records, records + 1);
-        found.clear();
-        found.extend(states.iter().zip(&*hits).map(|(state, hit)| {
-            if !hit.is_hit() {
-                miss
-            } else if *hit == SOME_HIT {
-                occluded
-            } else {
-                record_of(self, tlas, &state.request, hit) as u32
-            }
-        }));
-        by_record(found, records + 2, starts, order);
-        for &i in &*order {
-            let i = i as usize;
-            let (state, hit) = (&mut states[i], &hits[i]);
-            let ray = PortableRay {
-                launch_index: state.launch,
-                launch_dimensions: dimensions,
-                ray: &state.request.ray,
-                depth: state.depth,
-            };
-            let skips = state.request.flags.contains(RayFlags::SKIP_CLOSEST_HIT_SHADER);
-            let (payload, next) = if found[i] == miss {
-                let ray_type = &self.ray_types[state.request.ray_type.index as usize];
-                match &self.misses[ray_type.miss as usize] {
-                    Some(miss) => (miss.run)(&ray, state.payload),
-                    None => (state.payload, Next::Done),
-                }
-            } else if skips {
-                (state.payload, Next::Done)
-            } else {
-                match self.hits.get(found[i] as usize) {
-                    Some(Some(record)) if record.has_closest_hit() => {
-                        let hit = PortableHit { ray, hit, record: &(), tlas };
-                        record.closest_hit(&hit, state.payload)
-                    }
-                    _ => (state.payload, Next::Done),
-                }
-            };
-            match next {
-                Next::Done => {
-                    finish(state.launch, payload);
-                    state.done = true;
-                }
-                Next::Trace(request) => {
-                    state.payload = payload;
-                    state.request = request;
-                    state.depth += 1;
-                }
+    /// Drops the launches whose ray is of another pipeline's type; gives the first of them.
+    fn drop_others(&self, queue: &mut Queue<P>) -> First {
+        let mut first = None;
+        for state in &mut queue.states {
+            if self.ray_type(state.kind.ray_type()).is_none() {
+                state.done = true;
+                first = earlier(first, Some((state.launch, Failure::OtherPipeline)));
             }
         }
+        queue.retain(&|_, _| ());
+        first
     }
 }
 
-/// Puts the indices of rays in `order`, sorted by what they found, which is less than `kinds`.
-fn by_record(found: &[u32], kinds: u32, starts: &mut Vec<u32>, order: &mut Vec<u32>) {
+impl<P: Copy> Queue<P> {
+    fn clear(&mut self) {
+        self.states.clear();
+        self.rays.clear();
+    }
+
+    /// Keeps the launches that go on, in their order, in which neighbours go about the same way; gives away
+    /// those that are done.
+    fn retain(&mut self, finish: &impl Fn(UVec3, P)) {
+        let Self { states, rays, .. } = self;
+        let mut kept = 0;
+        for index in 0..states.len() {
+            let state = &states[index];
+            if state.done {
+                finish(state.launch, state.payload);
+            } else {
+                if kept != index {
+                    states[kept] = *state;
+                    rays[kept] = rays[index];
+                }
+                kept += 1;
+            }
+        }
+        states.truncate(kept);
+        rays.truncate(kept);
+    }
+
+    /// Puts launches whose rays are of one kind together.
+    fn sort(&mut self) {
+        let Self { states, rays, sorted, order, .. } = self;
+        order.clear();
+        order.extend(0..states.len() as u32);
+        order.sort_by_key(|&i| states[i as usize].kind);
+        sorted.0.clear();
+        sorted.0.extend(order.iter().map(|&i| states[i as usize]));
+        sorted.1.clear();
+        sorted.1.extend(order.iter().map(|&i| rays[i as usize]));
+        std::mem::swap(states, &mut sorted.0);
+        std::mem::swap(rays, &mut sorted.1);
+    }
+}
+
+/// Puts the indices of rays in `order`, those that found the same one of so many shaders together.
+fn group(found: &[u32], shaders: usize, ends: &mut Vec<u32>, order: &mut Vec<u32>) {
     order.clear();
-    if kinds as usize > found.len() {
+    if shaders > found.len() {
         order.extend(0..found.len() as u32);
         order.sort_by_key(|&i| found[i as usize]);
         return;
     }
-    starts.clear();
-    starts.resize(kinds as usize + 1, 0);
+    ends.clear();
+    ends.resize(shaders + 1, 0);
     for &found in found {
-        starts[found as usize + 1] += 1;
+        ends[found as usize + 1] += 1;
     }
-    for i in 1..starts.len() {
-        starts[i] += starts[i - 1];
+    for i in 1..ends.len() {
+        ends[i] += ends[i - 1];
     }
     order.resize(found.len(), 0);
     for (i, &found) in (0..).zip(found) {
-        let start = &mut starts[found as usize];
-        order[*start as usize] = i;
-        *start += 1;
+        let end = &mut ends[found as usize];
+        order[*end as usize] = i;
+        *end += 1;
     }
 }
 
 impl<P> Batch<'_, P> {
-    /// Traces all rays, which have the same flags, mask and type.
-    fn trace(&self, rays: &[Ray], hits: &mut [Hit], occluded: &mut Vec<bool>) {
-        let Some(first) = self.states.first() else { return };
-        let TraceRequest { flags, mask, .. } = first.request;
-        let options = flags.options(mask);
-        let any = RayFlags::ACCEPT_FIRST_HIT_AND_END_SEARCH | RayFlags::SKIP_CLOSEST_HIT_SHADER;
-        if flags.contains(any) {
-            occluded.clear();
-            occluded.resize(rays.len(), false);
-            if self.pipeline.has_any_hit {
-                self.tlas.any_hits(rays, occluded, &options, self);
+    /// Traces all rays, which have the same flags, mask and type, and notes which shaders they find.
+    fn trace(
+        &self,
+        hits: &mut [Hit],
+        attributes: &mut [Attributes],
+        occluded: &mut [bool],
+        found: &mut [u32],
+    ) {
+        let Some(kind) = self.states.first().map(|state| state.kind) else { return };
+        let rays = self.rays;
+        let (flags, pipeline, tlas) = (kind.flags(), self.pipeline, self.step.tlas);
+        let options = flags.options(kind.mask());
+        let skips = flags.contains(RayFlags::SKIP_CLOSEST_HIT_SHADER);
+        let first = skips && flags.contains(RayFlags::ACCEPT_FIRST_HIT_AND_END_SEARCH);
+        let miss = pipeline.hits.len() as u32 + self.ray_type.miss;
+        let nothing = (pipeline.hits.len() + pipeline.misses.len()) as u32;
+        if first {
+            if pipeline.has_any_hit {
+                tlas.any_hits(rays, occluded, &options, self);
             } else {
-                self.tlas.any_hits(rays, occluded, &options, &AcceptAll);
+                tlas.any_hits(rays, occluded, &options, &AcceptAll);
             }
-            for (hit, &occluded) in hits.iter_mut().zip(&*occluded) {
-                *hit = if occluded { SOME_HIT } else { Hit::MISS };
+            if pipeline.has_intersection {
+                for ((occluded, state), ray) in occluded.iter_mut().zip(self.states).zip(rays) {
+                    *occluded = *occluded
+                        || self.search(state, ray, &options, true).find(&Hit::MISS).is_some();
+                }
             }
-        } else if self.pipeline.has_any_hit {
-            self.tlas.closest_hits(rays, hits, &options, self);
-        } else {
-            self.tlas.closest_hits(rays, hits, &options, &AcceptAll);
+            for (found, &occluded) in found.iter_mut().zip(&*occluded) {
+                *found = if occluded { nothing } else { miss };
+            }
+            return;
         }
+        if pipeline.has_any_hit {
+            tlas.closest_hits(rays, hits, &options, self);
+        } else {
+            tlas.closest_hits(rays, hits, &options, &AcceptAll);
+        }
+        if pipeline.has_intersection {
+            let launches = self.states.iter().zip(rays);
+            for ((hit, words), (state, ray)) in hits.iter_mut().zip(attributes).zip(launches) {
+                *words = barycentrics(hit);
+                if let Some(nearer) = self.search(state, ray, &options, false).find(hit) {
+                    (*hit, *words) = nearer;
+                }
+            }
+        }
+        if skips {
+            for (found, hit) in found.iter_mut().zip(&*hits) {
+                *found = if hit.is_hit() { nothing } else { miss };
+            }
+            return;
+        }
+        let (instances, ray_type) = (tlas.instances(), self.ray_type);
+        for (found, hit) in found.iter_mut().zip(&*hits) {
+            *found = match instances.get(hit.instance as usize) {
+                Some(instance) if hit.is_hit() => {
+                    ray_type.record(instance.contribution, hit.geometry) as u32
+                }
+                _ => miss,
+            };
+        }
+    }
+
+    fn search<'b>(
+        &'b self,
+        state: &'b State<P>,
+        traced: &Ray,
+        options: &'b TraceOptions,
+        first: bool,
+    ) -> Search<'b, P> {
+        let Self { pipeline, step, ray_type, .. } = *self;
+        let ray = state.asked(traced);
+        Search { pipeline, step, state, ray, ray_type, options, first }
     }
 }

@@ -1,12 +1,19 @@
 //! The shader table of portable shaders.
 
-use std::{any::TypeId, any::type_name, sync::Arc};
+use std::any::{TypeId, type_name};
 
+use bytemuck::Pod;
 use rayburst_accel::{GeometryKind, Tlas};
 
-use super::{Next, PortableHit, PortableRay};
+use super::{
+    Next, PortableHitGroup, PortableRay,
+    group::{PortableRecord, Record},
+    queue::Queues,
+    shade::Group,
+};
 use crate::{
-    AnyHitResult, PipelineError,
+    PipelineError,
+    identity::Identity,
     pipeline::{HitTable, check_hits, check_numbers},
     table::RayTypeInfo,
 };
@@ -14,102 +21,10 @@ use crate::{
 /// Which records rays find; see [`crate::RayType`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct PortableRayType {
-    pub(crate) index: u32,
+    pub(crate) key: u32,
 }
 
-type ClosestHitFn<'s, P, R> = dyn Fn(&PortableHit<'_, R>, P) -> (P, Next) + Send + Sync + 's;
-type AnyHitFn<'s, P, R> = dyn Fn(&PortableHit<'_, R>, &P) -> AnyHitResult + Send + Sync + 's;
-type MissFn<'s, P> = dyn Fn(&PortableRay<'_>, P) -> (P, Next) + Send + Sync + 's;
-
-/// The portable shaders of triangles, with a payload `P` and a record `R`.
-pub struct PortableHitGroup<'s, P, R = ()> {
-    name: Arc<str>,
-    closest_hit: Option<Arc<ClosestHitFn<'s, P, R>>>,
-    any_hit: Option<Arc<AnyHitFn<'s, P, R>>>,
-}
-
-impl<P, R> Clone for PortableHitGroup<'_, P, R> {
-    fn clone(&self) -> Self {
-        Self {
-            name: self.name.clone(),
-            closest_hit: self.closest_hit.clone(),
-            any_hit: self.any_hit.clone(),
-        }
-    }
-}
-
-impl<'s, P, R> PortableHitGroup<'s, P, R> {
-    /// A group for triangles, without shaders yet; the name is for messages.
-    pub fn triangles(name: &str) -> Self {
-        Self { name: name.into(), closest_hit: None, any_hit: None }
-    }
-
-    /// What happens at the nearest hit. Without this shader a ray that hits is done.
-    pub fn closest_hit(
-        mut self,
-        shader: impl Fn(&PortableHit<'_, R>, P) -> (P, Next) + Send + Sync + 's,
-    ) -> Self {
-        self.closest_hit = Some(Arc::new(shader));
-        self
-    }
-
-    /// Decides whether a ray stops at a hit of geometry that is not opaque, without changing the payload.
-    /// [`AnyHitResult::AcceptAndEndSearch`] is as good as [`AnyHitResult::Accept`] here.
-    pub fn any_hit(
-        mut self,
-        shader: impl Fn(&PortableHit<'_, R>, &P) -> AnyHitResult + Send + Sync + 's,
-    ) -> Self {
-        self.any_hit = Some(Arc::new(shader));
-        self
-    }
-}
-
-/// A record, whatever the type of its data.
-pub(super) trait PortableRecord<P>: Send + Sync {
-    fn group(&self) -> &str;
-    fn has_any_hit(&self) -> bool;
-    fn has_closest_hit(&self) -> bool;
-    fn closest_hit(&self, hit: &PortableHit<'_, ()>, payload: P) -> (P, Next);
-    fn any_hit(&self, hit: &PortableHit<'_, ()>, payload: &P) -> AnyHitResult;
-}
-
-struct Record<'s, P, R> {
-    group: PortableHitGroup<'s, P, R>,
-    data: R,
-}
-
-/// The hit with the record's data.
-fn with_record<'a, R>(hit: &PortableHit<'a, ()>, record: &'a R) -> PortableHit<'a, R> {
-    PortableHit { ray: hit.ray, hit: hit.hit, record, tlas: hit.tlas }
-}
-
-impl<P, R: Send + Sync> PortableRecord<P> for Record<'_, P, R> {
-    fn group(&self) -> &str {
-        &self.group.name
-    }
-
-    fn has_any_hit(&self) -> bool {
-        self.group.any_hit.is_some()
-    }
-
-    fn has_closest_hit(&self) -> bool {
-        self.group.closest_hit.is_some()
-    }
-
-    fn closest_hit(&self, hit: &PortableHit<'_, ()>, payload: P) -> (P, Next) {
-        match &self.group.closest_hit {
-            Some(shader) => shader(&with_record(hit, &self.data), payload),
-            None => (payload, Next::Done),
-        }
-    }
-
-    fn any_hit(&self, hit: &PortableHit<'_, ()>, payload: &P) -> AnyHitResult {
-        match &self.group.any_hit {
-            Some(shader) => shader(&with_record(hit, &self.data), payload),
-            None => AnyHitResult::Accept,
-        }
-    }
-}
+type MissFn<'s, P> = dyn Fn(&mut Group<'_, P>) + Send + Sync + 's;
 
 pub(super) struct Miss<'s, P> {
     pub(super) run: Box<MissFn<'s, P>>,
@@ -117,6 +32,7 @@ pub(super) struct Miss<'s, P> {
 
 /// A table of portable shaders in the making, all with a payload `P`.
 pub struct PortableTable<'s, P> {
+    identity: Identity,
     ray_types: Vec<RayTypeInfo>,
     misses: Vec<Option<Miss<'s, P>>>,
     hits: Vec<Option<Box<dyn PortableRecord<P> + 's>>>,
@@ -124,11 +40,11 @@ pub struct PortableTable<'s, P> {
 
 impl<P> Default for PortableTable<'_, P> {
     fn default() -> Self {
-        Self { ray_types: vec![], misses: vec![], hits: vec![] }
+        Self { identity: Identity::new(), ray_types: vec![], misses: vec![], hits: vec![] }
     }
 }
 
-impl<'s, P: 'static> PortableTable<'s, P> {
+impl<'s, P: Copy + 'static> PortableTable<'s, P> {
     /// A table without records.
     pub fn new() -> Self {
         Self::default()
@@ -144,7 +60,7 @@ impl<'s, P: 'static> PortableTable<'s, P> {
     ) -> PortableRayType {
         let (name, payload) = (name.to_owned(), (TypeId::of::<P>(), type_name::<P>()));
         self.ray_types.push(RayTypeInfo { name, contribution, multiplier, miss, payload });
-        PortableRayType { index: self.ray_types.len() as u32 - 1 }
+        PortableRayType { key: self.identity.last(&self.ray_types) }
     }
 
     /// Adds a miss shader, and gives the index of its record.
@@ -152,7 +68,10 @@ impl<'s, P: 'static> PortableTable<'s, P> {
         &mut self,
         shader: impl Fn(&PortableRay<'_>, P) -> (P, Next) + Send + Sync + 's,
     ) -> u32 {
-        self.misses.push(Some(Miss { run: Box::new(shader) }));
+        let run = Box::new(move |group: &mut Group<'_, P>| {
+            group.run(|ray, _, payload| shader(&ray, payload));
+        });
+        self.misses.push(Some(Miss { run }));
         self.misses.len() as u32 - 1
     }
 
@@ -163,15 +82,17 @@ impl<'s, P: 'static> PortableTable<'s, P> {
     }
 
     /// Adds a record of a hit group, and gives its index.
-    pub fn hit<R: Send + Sync + 's>(&mut self, group: &PortableHitGroup<'s, P, R>, data: R) -> u32
-    where
-        P: 's,
-    {
+    pub fn hit<A: Pod, R: Send + Sync + 's>(
+        &mut self,
+        group: &PortableHitGroup<'s, P, A, R>,
+        data: R,
+    ) -> u32 {
         self.hits.push(Some(Box::new(Record { group: group.clone(), data })));
         self.hits.len() as u32 - 1
     }
 
-    /// Adds a hit record without shaders, and gives its index: a ray that finds it is done.
+    /// Adds a hit record without shaders, and gives its index: a ray that finds it is done at
+    /// triangles; procedural primitives do not stop it.
     pub fn no_hit(&mut self) -> u32 {
         self.hits.push(None);
         self.hits.len() as u32 - 1
@@ -179,22 +100,49 @@ impl<'s, P: 'static> PortableTable<'s, P> {
 
     /// Makes a pipeline of which each launch traces at most `max_rays` rays, one after another.
     pub fn build(self, max_rays: u32) -> Result<PortablePipeline<'s, P>, PipelineError> {
-        let Self { ray_types, misses, hits } = self;
+        let Self { identity, ray_types, misses, hits } = self;
         for ray_type in &ray_types {
             check_numbers(ray_type, misses.len())?;
         }
-        let has_any_hit = hits.iter().flatten().any(|record| record.has_any_hit());
-        Ok(PortablePipeline { ray_types, misses, hits, max_rays, has_any_hit })
+        let is_procedural = |kind| kind == GeometryKind::Procedural;
+        let has_intersection = hits.iter().flatten().any(|record| is_procedural(record.kind()));
+        let asks =
+            |record: &dyn PortableRecord<P>| record.has_any_hit() && !is_procedural(record.kind());
+        let has_any_hit = hits.iter().flatten().any(|record| asks(record.as_ref()));
+        let queues = Queues::default();
+        Ok(PortablePipeline {
+            identity,
+            ray_types,
+            misses,
+            hits,
+            max_rays,
+            has_any_hit,
+            has_intersection,
+            queues,
+        })
     }
 }
 
-/// Portable shaders that fit together, ready to be run over structures of triangles.
+/// Portable shaders that fit together, ready to be run over structures.
 pub struct PortablePipeline<'s, P> {
+    identity: Identity,
     pub(super) ray_types: Vec<RayTypeInfo>,
     pub(super) misses: Vec<Option<Miss<'s, P>>>,
     pub(super) hits: Vec<Option<Box<dyn PortableRecord<P> + 's>>>,
     pub(super) max_rays: u32,
+    /// Whether any group for triangles has the shader.
     pub(super) has_any_hit: bool,
+    /// Whether there are groups for procedural primitives.
+    pub(super) has_intersection: bool,
+    pub(super) queues: Queues<P>,
+}
+
+impl<P> PortablePipeline<'_, P> {
+    /// The ray type that a key stands for, unless it is another table's.
+    #[inline(always)]
+    pub(super) fn ray_type(&self, key: u32) -> Option<&RayTypeInfo> {
+        self.ray_types.get(self.identity.index(key))
+    }
 }
 
 impl<P: 'static> PortablePipeline<'_, P> {
@@ -205,6 +153,10 @@ impl<P: 'static> PortablePipeline<'_, P> {
 }
 
 impl<P: 'static> HitTable for PortablePipeline<'_, P> {
+    fn constructors(&self) -> [&'static str; 2] {
+        ["PortableHitGroup::triangles", "PortableHitGroup::procedural"]
+    }
+
     fn records(&self) -> usize {
         self.hits.len()
     }
@@ -212,6 +164,6 @@ impl<P: 'static> HitTable for PortablePipeline<'_, P> {
     fn record(&self, index: usize) -> Option<(&str, GeometryKind, (TypeId, &'static str))> {
         let record = self.hits[index].as_ref()?;
         let payload = (TypeId::of::<P>(), type_name::<P>());
-        Some((record.group(), GeometryKind::Triangles, payload))
+        Some((record.group(), record.kind(), payload))
     }
 }

@@ -152,14 +152,13 @@ fn the_first_failing_launch_is_named() {
 #[test]
 fn handle_of_another_pipeline() {
     let mut other = ShaderTable::new();
-    other.callable(|_, _: &mut u32| {});
     let foreign = other.callable(|_, _: &mut u32| {});
     let mut table = ShaderTable::new();
     table.callable(|_, _: &mut u32| panic!("not called"));
     let generate = table.ray_generation(|launch| launch.call_shader(foreign, &mut 7));
     let error = table.build(0).unwrap().dispatch_rays(&nothing(), generate, 1, 1, 1).unwrap_err();
-    assert_eq!(error, DispatchError::NoCallable { launch: UVec3::ZERO, index: 1 });
-    assert!(error.to_string().contains("another pipeline's"), "{error}");
+    assert_eq!(error, DispatchError::OtherCallable { launch: UVec3::ZERO, data: "u32" });
+    assert!(error.to_string().contains("another pipeline's; use the handle"), "{error}");
 }
 
 #[test]
@@ -169,8 +168,8 @@ fn handle_of_another_pipeline_with_other_parameters() {
     table.callable(|_, _: &mut u32| panic!("not called"));
     let generate = table.ray_generation(|launch| launch.call_shader(foreign, &mut String::new()));
     let error = table.build(0).unwrap().dispatch_rays(&nothing(), generate, 1, 1, 1).unwrap_err();
-    assert_eq!(error, DispatchError::OtherPayload { launch: UVec3::ZERO, expected: "u32" });
-    assert!(error.to_string().contains("launch [0, 0, 0] runs a shader with u32"), "{error}");
+    assert!(matches!(error, DispatchError::OtherCallable { launch: UVec3::ZERO, .. }));
+    assert!(error.to_string().contains("launch [0, 0, 0] calls a callable shader"), "{error}");
 }
 
 /// Each launch has its own parameters, whatever runs at the same time.

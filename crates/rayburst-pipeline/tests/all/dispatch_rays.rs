@@ -131,13 +131,12 @@ fn dispatches_at_the_same_time() {
 #[test]
 fn handle_of_another_pipeline() {
     let mut other = ShaderTable::new();
-    other.ray_generation(|_| {});
     let foreign = other.ray_generation(|_| {});
     let mut table = ShaderTable::new();
     table.ray_generation(|_| panic!("nothing may run"));
     let error = table.build(0).unwrap().dispatch_rays(&nothing(), foreign, 1, 1, 1).unwrap_err();
-    assert_eq!(error, DispatchError::NoRayGeneration { index: 1 });
-    assert!(error.to_string().contains("another pipeline's, use that of this one"));
+    assert_eq!(error, DispatchError::OtherRayGeneration);
+    assert!(error.to_string().contains("another pipeline's; use the handle that `ray_generation`"));
 }
 
 #[test]

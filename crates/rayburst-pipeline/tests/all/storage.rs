@@ -202,3 +202,26 @@ fn stored_values_are_seen_by_the_same_launch() {
     });
     once(table, &nothing(), generate);
 }
+
+#[test]
+fn textures_know_their_size_and_come_from_slices() {
+    let texels: Vec<u32> = (0..12).collect();
+    let texture = RwTexture::from_slice(4, &texels).unwrap();
+    assert_eq!(texture.size(), UVec2::new(4, 3));
+    assert_eq!(texture.load(UVec2::new(1, 2)), 9);
+    assert_eq!(texture.to_vec(), texels);
+    texture.store(UVec2::new(3, 0), 77);
+    let copy = RwTexture::from_slice(texture.size().x, &texture.to_vec()).unwrap();
+    assert_eq!((copy.load(UVec2::new(3, 0)), copy.load(UVec2::new(4, 0))), (77, 0));
+    assert_eq!(RwTexture::<u32>::new(7, 5).size(), UVec2::new(7, 5));
+    assert_eq!(RwTexture::<u32>::new(7, 0).size(), UVec2::new(7, 0));
+    assert_eq!(RwTexture::<u32>::new(0, 7).size(), UVec2::ZERO);
+    // No whole rows.
+    assert!(RwTexture::from_slice(5, &texels).is_none());
+    assert!(RwTexture::from_slice(0, &texels).is_none());
+    assert_eq!(
+        RwTexture::<u32>::from_slice(0, &[]).map(|texture| texture.size()),
+        Some(UVec2::ZERO)
+    );
+    assert_eq!(RwBuffer::from_slice(&texels).to_vec(), texels);
+}
