@@ -30,8 +30,8 @@ pub struct Lights<'a> {
     pub analytic: Option<[&'a Plane3; 2]>,
     /// The share of that which is not blocked.
     pub shadow: &'a Plane,
-    /// The share of the hemisphere that is open.
-    pub ambient_occlusion: &'a Plane,
+    /// The share of the hemisphere that is open, for ambient light; without it that is part of `indirect`.
+    pub ambient_occlusion: Option<&'a Plane>,
 }
 
 /// Adds up the light of a frame: colours times light, and what shines.
@@ -47,7 +47,6 @@ pub fn composite(
     bands.into_par_iter().enumerate().for_each(|(band, mut rows)| {
         let band = band as u32;
         for y in band * BAND..(band * BAND + BAND).min(height) {
-            let occlusion = lights.ambient_occlusion.row(y);
             let out = rows.row_mut(y);
             for (channel, out) in out.into_iter().enumerate() {
                 let row = |plane| Plane3::channel_row(plane, channel, y);
@@ -64,8 +63,12 @@ pub fn composite(
                     let specular = direct[1][x] + indirect[1][x];
                     let scattered = broad[x].max(LEAST_REFLECTANCE) * diffuse
                         + glossy[x].max(LEAST_REFLECTANCE) * specular;
-                    let around = broad[x] * ambient * occlusion[x];
-                    out[x] = scattered + around + transparency[x] + shown * emitted[x];
+                    out[x] = scattered + transparency[x] + shown * emitted[x];
+                }
+                if let Some(occlusion) = lights.ambient_occlusion.map(|plane| plane.row(y)) {
+                    for x in 0..width as usize {
+                        out[x] += broad[x] * ambient * occlusion[x];
+                    }
                 }
                 let Some(analytic) = lights.analytic.map(|planes| planes.map(row)) else {
                     continue;

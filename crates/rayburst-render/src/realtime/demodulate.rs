@@ -1,7 +1,10 @@
 //! Sums of signals without the surfaces' colours, for filters that take broad and glossy light together.
 
 use rayburst_image::{Band3, Plane3};
-use rayburst_math::lanes::{F32x16, LANES};
+use rayburst_math::{
+    glam::Vec3,
+    lanes::{F32x16, LANES},
+};
 use rayburst_simd::{Isa, IsaLevel, Kernel};
 use rayon::prelude::*;
 
@@ -11,14 +14,14 @@ use super::{
 };
 
 /// What is added up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Sum {
     /// Light that comes straight from lights.
     Direct,
     /// The same without that of polygon lights in closed form.
     DirectSampled,
-    /// Light along sampled rays.
-    Indirect,
+    /// Light along sampled rays, and this radiance from everywhere where the hemisphere is open.
+    Indirect(Vec3),
 }
 
 /// Adds up broad and glossy light, each with the albedo of its lobes, over the sum of the albedos: what
@@ -44,7 +47,7 @@ impl Kernel for Demodulate<'_, '_> {
         let Self { signals, sum, mut rows } = self;
         let (broad, glossy) = match sum {
             Sum::Direct | Sum::DirectSampled => (&signals.direct_diffuse, &signals.direct_specular),
-            Sum::Indirect => (&signals.indirect_diffuse, &signals.indirect_specular),
+            Sum::Indirect(_) => (&signals.indirect_diffuse, &signals.indirect_specular),
         };
         let (top, bottom) = (rows.top(), rows.top() + rows.rows());
         let least = F32x16::splat(LEAST_REFLECTANCE);
@@ -58,6 +61,9 @@ impl Kernel for Demodulate<'_, '_> {
                     if sum == Sum::Direct {
                         b += load(&signals.analytic_diffuse, channel, at) * shadow;
                         g += load(&signals.analytic_specular, channel, at) * shadow;
+                    }
+                    if let Sum::Indirect(ambient) = sum {
+                        b += F32x16(signals.ambient_occlusion.lanes(at)) * ambient[channel];
                     }
                     let albedo_b = load(&signals.diffuse_reflectance, channel, at).max(least);
                     let albedo_g = load(&signals.specular_reflectance, channel, at).max(least);

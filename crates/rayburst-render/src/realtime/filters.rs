@@ -9,6 +9,7 @@ use rayburst_denoise::{
     Taps, TemporalAntialiasing, TemporalUpscaling, UpscaleSettings, Wavelet,
 };
 use rayburst_image::{Plane, Plane3};
+use rayburst_math::glam::Vec3;
 use rayburst_simd::IsaLevel;
 
 use super::{
@@ -90,6 +91,8 @@ pub(crate) struct Filtering<'a> {
     pub(crate) polygons: bool,
     /// How far ambient occlusion reaches.
     pub(crate) reach: f32,
+    /// Radiance from everywhere that is to be occluded.
+    pub(crate) ambient: Vec3,
 }
 
 impl Filtering<'_> {
@@ -187,7 +190,7 @@ impl Filters {
         let guides = frame.guides();
         let State { firefly, kind, sums: [direct, indirect, scratch], filtered, .. } = state;
         demodulate(isa, signals, Sum::Direct, direct);
-        demodulate(isa, signals, Sum::Indirect, scratch);
+        demodulate(isa, signals, Sum::Indirect(frame.ambient), scratch);
         firefly.filter(scratch, &dimming(frame.settings), indirect)?;
         let [a, b, _] = filtered;
         let mut out = [std::mem::take(a), std::mem::take(b)];
@@ -213,7 +216,7 @@ impl Filters {
             indirect: [b, b],
             analytic: None,
             shadow: &signals.shadow,
-            ambient_occlusion: &signals.ambient_occlusion,
+            ambient_occlusion: None,
         })
     }
 
@@ -306,7 +309,7 @@ impl State {
             indirect: [bounces, reflections],
             analytic: Some([&signals.analytic_diffuse, &signals.analytic_specular]),
             shadow,
-            ambient_occlusion,
+            ambient_occlusion: Some(ambient_occlusion),
         })
     }
 }

@@ -241,7 +241,8 @@ impl FrameRenderer {
 
         let start = Instant::now();
         let reach = settings.ao_radius.unwrap_or(AO_REACH * diagonal(scene));
-        let filtering = Filtering { gbuffer, signals, settings: &settings, view, polygons, reach };
+        let filtering =
+            Filtering { gbuffer, signals, settings: &settings, view, polygons, reach, ambient };
         let lights = history.filters.lights(isa, &filtering)?;
         if settings.denoiser != Denoiser::None {
             note(settings.denoiser.name(), start);

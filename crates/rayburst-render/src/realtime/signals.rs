@@ -102,7 +102,7 @@ impl Signals {
             indirect: [&self.indirect_diffuse, &self.indirect_specular],
             analytic: Some([&self.analytic_diffuse, &self.analytic_specular]),
             shadow: &self.shadow,
-            ambient_occlusion: &self.ambient_occlusion,
+            ambient_occlusion: Some(&self.ambient_occlusion),
         }
     }
 

@@ -1,6 +1,7 @@
 //! Frames in real time: the sums of their passes, each pass against what it should be, and frames in a row.
 
 mod effects;
+mod filters;
 mod loops;
 mod motion;
 mod sums;
