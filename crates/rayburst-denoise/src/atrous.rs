@@ -54,7 +54,7 @@ impl WaveletKernel {
 /// - the difference of luminance over `luminance` times (the standard deviation, blurred over 3×3 pixels,
 ///   plus a thousandth of the luminance);
 ///
-/// and zero between objects. Weights below 2⁻⁶⁴ are zero.
+/// and zero between objects. Weights below 2⁻⁴⁰ are zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EdgeStopping {
     /// Tolerance of depth: 0.001 to 1000.
