@@ -163,38 +163,28 @@ impl Direct<'_, '_> {
         }
         let reflectances = [guarded(broad), guarded(glossy)];
         let samplers = frame.samplers(&pixels);
-        let mut light = 0;
-        // One copy of the code for lights of all kinds.
-        loop {
-            let (lights, by_rays) = match frame.lights.exact.get(light) {
-                Some(exact) => {
-                    let u = samplers.get_2d(dimensions::exact_light(light as u32));
-                    let arrival = exact.arrival16(surfaces.places.position, u);
-                    let mut some = some & arrival.shines;
-                    let map = self.maps.and_then(|maps| maps.get(light));
-                    if let Some(map) = map {
-                        keep_lit(map, &surfaces, &mut some);
-                    }
-                    let lights = Lights16 {
-                        some,
-                        direction: arrival.direction,
-                        distance: arrival.distance,
-                        radiance: arrival.illuminance,
-                        pdf: F32x16::ONE,
-                        delta: Mask16::ALL,
-                    };
-                    (lights, passes.shadows && map.is_none())
-                }
-                None if !frame.lights.primary.is_empty() => {
-                    (sampled(frame, &surfaces, &pixels, &samplers, some), passes.shadows)
-                }
-                None => return,
-            };
-            self.shine(first, &surfaces, &reflectances, &lights, by_rays);
-            if light >= frame.lights.exact.len() {
-                return;
+        for (number, exact) in frame.lights.exact.iter().enumerate() {
+            let u = samplers.get_2d(dimensions::exact_light(number as u32));
+            let arrival = exact.arrival16(surfaces.places.position, u);
+            let mut some = some & arrival.shines;
+            let map = self.maps.and_then(|maps| maps.get(number));
+            if let Some(map) = map {
+                keep_lit(map, &surfaces, &mut some);
             }
-            light += 1;
+            let lights = Lights16 {
+                some,
+                direction: arrival.direction,
+                distance: arrival.distance,
+                radiance: arrival.illuminance,
+                pdf: F32x16::ONE,
+                delta: Mask16::ALL,
+            };
+            let by_rays = passes.shadows && map.is_none();
+            self.shine(first, &surfaces, &reflectances, &lights, by_rays);
+        }
+        if !frame.lights.primary.is_empty() {
+            let lights = sampled(frame, &surfaces, &pixels, &samplers, some);
+            self.shine(first, &surfaces, &reflectances, &lights, passes.shadows);
         }
     }
 

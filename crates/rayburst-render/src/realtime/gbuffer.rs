@@ -478,15 +478,10 @@ impl<S: Fn(Vec3) -> Vec3> Resolve<'_, S> {
         }
         let surface = scene.surface16(&hits);
         let width = view.cone_width16(directions, t);
-        let footprint = match shading.lod {
-            TextureLod::Mip0 => Footprint16::None,
-            TextureLod::Cones => Footprint16::Cone(width),
-            TextureLod::Differentials => {
-                let mut axes = [Vec3x16::ZERO; 2];
-                differentials(view, at, count, &hits, &surface.geometric_normal, &mut axes);
-                Footprint16::Axes(axes)
-            }
-        };
+        let mut footprint = Footprint16::cones(width);
+        if shading.lod == TextureLod::Differentials {
+            differentials(view, at, count, &hits, &surface.geometric_normal, &mut footprint);
+        }
         let point = scene.shading_point16(&surface, -directions, &footprint, shading);
         let (moved, deeper) = self.motion.of_hits(scene, &hits, surface.position);
         let depth = view.depth16(surface.position);
@@ -615,8 +610,9 @@ fn differentials(
     count: usize,
     hits: &[Hit; LANES],
     normals: &Vec3x16,
-    axes: &mut [Vec3x16; 2],
+    footprint: &mut Footprint16,
 ) {
+    let mut axes = [Vec3x16::ZERO; 2];
     for lane in 0..count {
         let at = (x + lane as u32, y);
         let footprint = view.footprint(TextureLod::Differentials, at);
@@ -627,6 +623,7 @@ fn differentials(
             axes[1].set_lane(lane, at_hit.origin_dy);
         }
     }
+    *footprint = Footprint16::axes(axes);
 }
 
 /// Writes sixteen values from a pixel on.

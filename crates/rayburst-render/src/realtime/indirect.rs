@@ -255,26 +255,41 @@ impl Starts<'_> {
         let PixelSurfaces { lobes, wo, .. } = &surfaces;
         let samplers = frame.samplers(&pixels);
         let (broad, glossy) = lobes.albedos_apart(wo.z);
-        let one = F32x16::ONE;
-        let (by_glossy, factor) = match self.choice {
-            Choice::All(Lobe::Broad) => (Mask16::NONE, one),
-            Choice::All(Lobe::Glossy) => (Mask16::ALL, one),
+        let albedos = [broad, glossy];
+        match self.choice {
+            Choice::All(Lobe::Broad) => {
+                let samples = lobes.sample_broad(*wo, samplers.get_2d(numbers(Lobe::Broad)));
+                self.leave(asking, &surfaces, albedos, Mask16::NONE, F32x16::ONE, samples);
+            }
+            Choice::All(Lobe::Glossy) => {
+                let samples = lobes.sample_glossy(*wo, samplers.get_2d(numbers(Lobe::Glossy)));
+                self.leave(asking, &surfaces, albedos, Mask16::ALL, F32x16::ONE, samples);
+            }
             Choice::Each { indirect, reflections } => {
                 let (b, g) = (weight(broad, indirect), weight(glossy, reflections));
                 let p = g / (b + g);
                 let choice = samplers.get_1d(Vertex::at_depth(1).survival());
                 let by_glossy = choice.is_less(p);
-                (by_glossy, 1.0 / by_glossy.select(p, 1.0 - p))
+                let factor = 1.0 / by_glossy.select(p, 1.0 - p);
+                let samples = lobes.sample_broad(*wo, samplers.get_2d(numbers(Lobe::Broad)));
+                let others = lobes.sample_glossy(*wo, samplers.get_2d(numbers(Lobe::Glossy)));
+                let samples = others.or(by_glossy, samples);
+                self.leave(asking, &surfaces, albedos, by_glossy, factor, samples);
             }
-        };
-        let mut samples = LobeSample16::NONE;
-        if !by_glossy.all() {
-            samples = lobes.sample_broad(*wo, samplers.get_2d(numbers(Lobe::Broad)));
         }
-        if by_glossy.any() {
-            let found = lobes.sample_glossy(*wo, samplers.get_2d(numbers(Lobe::Glossy)));
-            samples = found.or(by_glossy, samples);
-        }
+    }
+
+    /// Lists the rays of samples; `factor` multiplies what they bring.
+    #[inline(always)]
+    fn leave(
+        &mut self,
+        asking: &[Asking],
+        surfaces: &PixelSurfaces,
+        [broad, glossy]: [Vec3x16; 2],
+        by_glossy: Mask16,
+        factor: F32x16,
+        mut samples: LobeSample16,
+    ) {
         let reflectance = by_glossy.select(glossy, broad);
         let guarded = reflectance.max(Vec3x16::splat(Vec3::splat(LEAST_REFLECTANCE)));
         let throughput = Vec3x16 {

@@ -9,7 +9,7 @@ use rayburst_math::{
     lanes::{F32x16, Frame16, LANES, Mask16, Sampler16, Vec3x16, spawn_origin as spawn_origin16},
 };
 use rayburst_scene::{
-    BsdfSample, ShadingModel,
+    BsdfSample, ShadingModel, TextureLod,
     wide::{Footprint16, Lobes16, ShadingPoint16, Surface16},
 };
 use rayburst_simd::{Isa, Kernel};
@@ -283,11 +283,14 @@ impl Paths {
     /// for.
     #[inline(always)]
     fn sixteen(&mut self, frame: &FrameContext<'_>, depth: u32, first: usize) {
-        let Some(arrivals) = self.arrivals(frame, depth, first) else { return };
+        let Some(mut arrivals) = self.arrivals(frame, depth, first) else { return };
         let surface = frame.scene.surface16(&arrivals.hits);
         let wo = -arrivals.direction;
-        let footprint = self.footprints(&arrivals, &surface, first);
-        let point = frame.scene.shading_point16(&surface, wo, &footprint, &frame.path_shading);
+        if frame.path_shading.lod == TextureLod::Differentials {
+            self.differentials(&mut arrivals, &surface, first);
+        }
+        let options = &frame.path_shading;
+        let point = frame.scene.shading_point16(&surface, wo, &arrivals.footprint, options);
         let mut ior = F32x16::ONE;
         let mut materials = surface.material;
         for lane in 0..LANES {
@@ -356,7 +359,7 @@ impl Paths {
             hits: [self.hits[any]; LANES],
             direction: Vec3x16::ZERO,
             throughput: Vec3x16::ZERO,
-            footprint: Footprint16::None,
+            footprint: Footprint16::NONE,
             samplers: Sampler16::of(&[self.states[any].sampler; LANES]),
         };
         let mut samplers = [self.states[any].sampler; LANES];
@@ -370,24 +373,16 @@ impl Paths {
             samplers[lane] = path.sampler;
             if let RayFootprint::Cone(cone) = &path.footprint {
                 widths.0[lane] = cone.width_at(self.hits[i].t);
-                arrivals.footprint = Footprint16::Cone(widths);
+                arrivals.footprint = Footprint16::cones(widths);
             }
         }
         arrivals.samplers = Sampler16::of(&samplers);
         Some(arrivals)
     }
 
-    /// Cones, or what differentials are on the surfaces.
-    #[inline(always)]
-    fn footprints(&self, arrivals: &Arrivals, surface: &Surface16, first: usize) -> Footprint16 {
-        match &arrivals.footprint {
-            Footprint16::None => self.differentials(arrivals, surface, first),
-            found => found.clone(),
-        }
-    }
-
+    /// What differentials are on the surfaces, if rays carry them.
     #[inline(never)]
-    fn differentials(&self, arrivals: &Arrivals, surface: &Surface16, first: usize) -> Footprint16 {
+    fn differentials(&self, arrivals: &mut Arrivals, surface: &Surface16, first: usize) {
         let mut axes = None;
         for lane in arrivals.some.lanes() {
             let (ray, path) = (&self.rays[first + lane], &self.states[first + lane]);
@@ -400,7 +395,9 @@ impl Paths {
                 axes[1].set_lane(lane, at_hit.origin_dy);
             }
         }
-        axes.map_or(Footprint16::None, Footprint16::Axes)
+        if let Some(axes) = axes {
+            arrivals.footprint = Footprint16::axes(axes);
+        }
     }
 
     /// Adds what shines, and sends perfect mirrors on; what is left are the ends of paths.

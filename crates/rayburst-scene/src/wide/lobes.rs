@@ -65,16 +65,6 @@ pub struct LobeSample16 {
 }
 
 impl LobeSample16 {
-    /// None at all.
-    pub const NONE: Self = Self {
-        some: Mask16::NONE,
-        wi: Vec3x16::ZERO,
-        weight: Vec3x16::ZERO,
-        pdf: F32x16::ZERO,
-        delta: Mask16::NONE,
-        spread: F32x16::ZERO,
-    };
-
     /// These where a mask holds, others elsewhere.
     #[inline(always)]
     #[must_use]

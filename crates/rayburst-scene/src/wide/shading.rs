@@ -13,13 +13,35 @@ use crate::{
 
 /// The parts of sixteen surfaces that pixels see; see [`crate::Footprint`].
 #[derive(Clone, Debug)]
-pub enum Footprint16 {
+pub struct Footprint16 {
+    cones: F32x16,
+    axes: [Vec3x16; 2],
+    by_cones: Mask16,
+}
+
+impl Footprint16 {
     /// Points: textures are looked up at their finest level.
-    None,
+    pub const NONE: Self =
+        Self { cones: F32x16::ZERO, axes: [Vec3x16::ZERO; 2], by_cones: Mask16::NONE };
+
     /// Sections of cones of these diameters, world units.
-    Cone(F32x16),
+    #[inline(always)]
+    pub const fn cones(diameters: F32x16) -> Self {
+        Self { cones: diameters, by_cones: Mask16::ALL, ..Self::NONE }
+    }
+
     /// Parallelograms in the surfaces' planes, world units.
-    Axes([Vec3x16; 2]),
+    #[inline(always)]
+    pub const fn axes(axes: [Vec3x16; 2]) -> Self {
+        Self { axes, ..Self::NONE }
+    }
+
+    /// Two axes of full length in the surfaces' planes; `wo` leads back along the rays.
+    #[inline(always)]
+    fn on(&self, surface: &Surface16, wo: Vec3x16) -> [Vec3x16; 2] {
+        let [a, b] = section(self.cones, wo, surface.geometric_normal);
+        [self.by_cones.select(a, self.axes[0]), self.by_cones.select(b, self.axes[1])]
+    }
 }
 
 /// Materials at sixteen surfaces; see [`crate::ShadingPoint`].
@@ -66,15 +88,9 @@ impl FlatScene {
             materials[lane] = &self.materials[surface.material[lane] as usize];
         }
         let factors = factors(&materials, surface.front);
-        let filtered = options.lod != TextureLod::Mip0;
-        let changes = match footprint {
-            Footprint16::Cone(width) if filtered => {
-                let axes = section(*width, wo, surface.geometric_normal);
-                barycentric_change(&surface.edges, axes)
-            }
-            Footprint16::Axes(axes) if filtered => barycentric_change(&surface.edges, *axes),
-            _ => [Vec2x16::ZERO; 2],
-        };
+        let filtered = if options.lod == TextureLod::Mip0 { Mask16::NONE } else { Mask16::ALL };
+        let [p, q] = barycentric_change(&surface.edges, footprint.on(surface, wo));
+        let changes = [filtered.select(p, Vec2x16::ZERO), filtered.select(q, Vec2x16::ZERO)];
         let mut mapped = surface.tangent.dot(surface.tangent).is_greater(F32x16::ZERO);
         for lane in 0..LANES {
             let texture = materials[lane].normal_texture.index();

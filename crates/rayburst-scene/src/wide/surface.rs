@@ -83,8 +83,7 @@ impl FlatScene {
         let corners = gather(self, hits);
         let mut surface = corners.surface();
         if corners.placed {
-            let placements = placements(self, hits);
-            placements.apply(&mut surface);
+            placements(self, hits).apply(&mut surface);
         }
         // Authored normals that point to the back: the winding decides.
         let back = surface.shading_normal.dot(surface.geometric_normal).is_less(F32x16::ZERO);
@@ -262,8 +261,8 @@ fn transform([x, y, z]: [Vec3x16; 3], v: Vec3x16) -> Vec3x16 {
 }
 
 impl Placements {
-    /// From the instances' space into the world.
-    #[inline(always)]
+    /// From the instances' space into the world. Called, so that baked scenes do not pay for it.
+    #[inline(never)]
     fn apply(&self, surface: &mut Surface16) {
         let [x, y, z, translation] = self.to_world;
         let (linear, absolute) = ([x, y, z], [x.abs(), y.abs(), z.abs()]);

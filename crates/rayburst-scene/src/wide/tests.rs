@@ -73,8 +73,8 @@ fn compare(scene: &FlatScene, groups: u32, seed: u64) -> [f32; 2] {
             }
         }
         let footprint = match lod {
-            TextureLod::Differentials => Footprint16::Axes(axes),
-            _ => Footprint16::Cone(width),
+            TextureLod::Differentials => Footprint16::axes(axes),
+            _ => Footprint16::cones(width),
         };
         let points = scene.shading_point16(&wide, wo, &footprint, &options);
         for lane in 0..LANES {

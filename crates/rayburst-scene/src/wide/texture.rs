@@ -26,9 +26,8 @@ struct Slots<'a> {
     /// Whether images hold sRGB.
     encoded: Mask16,
     second_set: Mask16,
-    /// Rows of the slots' transforms, if any is not the identity.
+    /// Rows of the slots' transforms.
     transform: [[F32x16; 3]; 2],
-    transformed: bool,
 }
 
 /// How lanes go on beyond an axis' end.
@@ -36,8 +35,6 @@ struct Slots<'a> {
 struct Wraps {
     mirrored: Mask16,
     clamped: Mask16,
-    /// Whether all simply repeat.
-    repeat: bool,
 }
 
 /// Colours of slots' textures averaged over the parallelograms that two changes of barycentric coordinates
@@ -55,25 +52,24 @@ pub(super) fn lookup(
     if !found.textured.any() {
         return Vec3x16::splat(glam::Vec3::ONE);
     }
-    let (mut at, mut axes) = on_set(&uv[0], changes);
-    if found.second_set.any() {
-        let (other, other_axes) = on_set(&uv[1], changes);
-        at = found.second_set.select(other, at);
-        for i in 0..2 {
-            axes[i] = found.second_set.select(other_axes[i], axes[i]);
-        }
-    }
-    let (raw, raw_axes) = (at, axes);
-    if found.transformed {
-        let [a, b] = found.transform;
-        at = Vec2x16 {
-            x: (a[0] * at.x + a[1] * at.y) + a[2],
-            y: (b[0] * at.x + b[1] * at.y) + b[2],
-        };
-        for axis in &mut axes {
-            *axis = Vec2x16 { x: a[0] * axis.x + a[1] * axis.y, y: b[0] * axis.x + b[1] * axis.y };
-        }
-    }
+    // Without branches: what is carried around them ends up in single registers.
+    let (first, first_axes) = on_set(&uv[0], changes);
+    let (second, second_axes) = on_set(&uv[1], changes);
+    let raw = found.second_set.select(second, first);
+    let raw_axes = [
+        found.second_set.select(second_axes[0], first_axes[0]),
+        found.second_set.select(second_axes[1], first_axes[1]),
+    ];
+    let [a, b] = found.transform;
+    let at = Vec2x16 {
+        x: (a[0] * raw.x + a[1] * raw.y) + a[2],
+        y: (b[0] * raw.x + b[1] * raw.y) + b[2],
+    };
+    let [p, q] = raw_axes;
+    let axes = [
+        Vec2x16 { x: a[0] * p.x + a[1] * p.y, y: b[0] * p.x + b[1] * p.y },
+        Vec2x16 { x: a[0] * q.x + a[1] * q.y, y: b[0] * q.x + b[1] * q.y },
+    ];
     let mut colour = found.average(at, axes, most_taps.clamp(1, MAX_TAPS));
     if found.odd.any() {
         one_by_one(scene, slots, found.odd, &raw, &raw_axes, most_taps, &mut colour);
@@ -113,7 +109,7 @@ fn one_by_one(
 impl<'a> Slots<'a> {
     #[inline(never)]
     fn of(scene: &'a FlatScene, slots: &[&TextureSlot; LANES], wanted: Mask16) -> Self {
-        let wraps = Wraps { mirrored: Mask16::NONE, clamped: Mask16::NONE, repeat: true };
+        let wraps = Wraps { mirrored: Mask16::NONE, clamped: Mask16::NONE };
         let mut found = Self {
             images: [None; LANES],
             textured: Mask16::NONE,
@@ -127,7 +123,6 @@ impl<'a> Slots<'a> {
                 [F32x16::ONE, F32x16::ZERO, F32x16::ZERO],
                 [F32x16::ZERO, F32x16::ONE, F32x16::ZERO],
             ],
-            transformed: false,
         };
         for (lane, slot) in slots.iter().enumerate() {
             if !wanted.lane(lane) {
@@ -144,16 +139,12 @@ impl<'a> Slots<'a> {
             for (wraps, mode) in found.wrap.iter_mut().zip(texture.wrap) {
                 wraps.mirrored.set_lane(lane, mode == WrapMode::MirroredRepeat);
                 wraps.clamped.set_lane(lane, mode == WrapMode::ClampToEdge);
-                wraps.repeat &= mode == WrapMode::Repeat;
             }
             found.encoded.set_lane(lane, image.format() == TexelFormat::Srgb);
             found.second_set.set_lane(lane, slot.uv_set > 0);
-            if slot.transform != TextureSlot::NONE.transform {
-                found.transformed = true;
-                for (rows, row) in found.transform.iter_mut().zip(slot.transform) {
-                    for (row, value) in rows.iter_mut().zip(row) {
-                        row.0[lane] = value;
-                    }
+            for (rows, row) in found.transform.iter_mut().zip(slot.transform) {
+                for (row, value) in rows.iter_mut().zip(row) {
+                    row.0[lane] = value;
                 }
             }
         }
@@ -181,27 +172,25 @@ impl<'a> Slots<'a> {
         let width = a.perp_dot(b).abs() / length;
         let width = length.is_greater(F32x16::ZERO).select(width, length).min(length);
         let one = F32x16::ONE;
-        let (mut texels, mut taps) = ((length * width).sqrt(), one);
-        let mut step = Vec2x16::ZERO;
-        if most_taps > 1 {
-            let wide = half_difference.is_at_least(F32x16::ZERO);
-            let axis = Vec2x16 {
-                x: wide.select(half_difference + root, xy),
-                y: wide.select(xy, root - half_difference),
-            };
-            let unit = 1.0 / axis.dot(axis).sqrt();
-            let unit = unit.is_finite().select(unit, F32x16::ZERO);
-            let major = axis * (unit * length);
+        let wide = half_difference.is_at_least(F32x16::ZERO);
+        let axis = Vec2x16 {
+            x: wide.select(half_difference + root, xy),
+            y: wide.select(xy, root - half_difference),
+        };
+        let unit = 1.0 / axis.dot(axis).sqrt();
+        let unit = unit.is_finite().select(unit, F32x16::ZERO);
+        let major = axis * (unit * length);
 
-            let tap = width.max(length * (1.0 / most_taps as f32)).max(one);
-            let coarsest = tap.is_at_least(self.size.x.max(self.size.y));
-            let single = length.is_at_most(tap * ROUND) | coarsest;
-            let several = -(-(length / tap)).floor();
-            let several = several.max(F32x16::splat(2.0));
-            taps = single.select(one, several.min(F32x16::splat(most_taps as f32)));
-            texels = single.select((length * tap.min(length)).sqrt(), tap);
-            step = Vec2x16 { x: major.x / self.size.x, y: major.y / self.size.y } * (1.0 / taps);
-        }
+        let tap = width.max(length * (1.0 / most_taps as f32)).max(one);
+        let coarsest = tap.is_at_least(self.size.x.max(self.size.y));
+        let only_one = if most_taps == 1 { Mask16::ALL } else { Mask16::NONE };
+        let single = only_one | length.is_at_most(tap * ROUND) | coarsest;
+        let several = -(-(length / tap)).floor();
+        let several = several.max(F32x16::splat(2.0)).min(F32x16::splat(most_taps as f32));
+        let taps = single.select(one, several);
+        let across = only_one.select(width, tap.min(length));
+        let texels = single.select((length * across).sqrt(), tap);
+        let step = Vec2x16 { x: major.x / self.size.x, y: major.y / self.size.y } * (1.0 / taps);
         let lod = texels.max(one).log2().min(self.last_level);
         let fine = lod.floor();
         let between = lod - fine;
@@ -246,20 +235,24 @@ impl<'a> Slots<'a> {
         let mut texels = [U32x16::default(); 4];
         self.fetch(&level, wanted, [&x0, &x1], [&y0, &y1], &mut texels);
         let (gx, gy) = (1.0 - fx, 1.0 - fy);
-        let weights = [gx * gy * weight, fx * gy * weight, gx * fy * weight, fx * fy * weight];
-        let mixed = self.encoded.any();
-        for i in 0..4 {
-            let mut value = Vec3x16 {
-                x: (texels[i] & U32x16::splat(255)).to_f32() * (1.0 / 255.0),
-                y: ((texels[i] >> 8) & U32x16::splat(255)).to_f32() * (1.0 / 255.0),
-                z: ((texels[i] >> 16) & U32x16::splat(255)).to_f32() * (1.0 / 255.0),
-            };
-            if mixed {
-                value.x = self.encoded.select(decode(value.x), value.x);
-                value.y = self.encoded.select(decode(value.y), value.y);
-                value.z = self.encoded.select(decode(value.z), value.z);
-            }
-            *colour = *colour + value * weights[i];
+        let upper =
+            self.value(texels[0]) * (gx * gy * weight) + self.value(texels[1]) * (fx * gy * weight);
+        let lower =
+            self.value(texels[2]) * (gx * fy * weight) + self.value(texels[3]) * (fx * fy * weight);
+        *colour = *colour + (upper + lower);
+    }
+
+    /// What the bytes of texels stand for.
+    #[inline(always)]
+    fn value(&self, texels: U32x16) -> Vec3x16 {
+        let low = U32x16::splat(255);
+        let r = (texels & low).to_f32() * (1.0 / 255.0);
+        let g = ((texels >> 8) & low).to_f32() * (1.0 / 255.0);
+        let b = ((texels >> 16) & low).to_f32() * (1.0 / 255.0);
+        Vec3x16 {
+            x: self.encoded.select(decode(r), r),
+            y: self.encoded.select(decode(g), g),
+            z: self.encoded.select(decode(b), b),
         }
     }
 
@@ -300,13 +293,10 @@ impl<'a> Slots<'a> {
 /// The texels around coordinates and how far they are from the first to the second.
 #[inline(always)]
 fn neighbours(t: F32x16, size: I32x16, wraps: &Wraps) -> (I32x16, I32x16, F32x16) {
-    let mut folded = t - t.floor();
-    if !wraps.repeat {
-        let period = t - 2.0 * (0.5 * t).floor();
-        let mirrored = period.is_greater(F32x16::ONE).select(2.0 - period, period);
-        folded = wraps.mirrored.select(mirrored, folded);
-        folded = wraps.clamped.select(t.clamp(0.0, 1.0), folded);
-    }
+    let period = t - 2.0 * (0.5 * t).floor();
+    let mirrored = period.is_greater(F32x16::ONE).select(2.0 - period, period);
+    let folded = wraps.mirrored.select(mirrored, t - t.floor());
+    let folded = wraps.clamped.select(t.clamp(0.0, 1.0), folded);
     let x = folded * size.to_f32() - 0.5;
     let floor = x.floor();
     let low = floor.to_i32();
