@@ -315,3 +315,37 @@ fn frames_are_benchmarked() {
     let indirect = rows.iter().find(|row| row["pass"] == "indirect");
     assert!(indirect.is_none_or(|row| row["rays_per_pixel"] == 0.0));
 }
+
+#[test]
+fn filtered_frames_are_the_last_ones_and_as_large_as_asked_for() {
+    let place = Place::new();
+    let line = "render cornell --size 32x24 --integrator hybrid --spp 6 --aov depth,direct_diffuse";
+    place.good(&format!("{line} -o plain.exr"));
+    for name in ["atrous", "svgf", "asvgf", "effects"] {
+        place.good(&format!("{line} --denoise {name} -o {name}.exr"));
+        let (plain, filtered) =
+            (picture(&place, "plain.exr"), picture(&place, &format!("{name}.exr")));
+        assert!(plain != filtered, "{name}");
+        // The lamp aside, which a single frame shows as it is.
+        assert!((mean(&filtered) / mean(&plain) - 1.0).abs() < 0.4, "{name}");
+    }
+    let scaled = format!("{line} --denoise effects --antialias --render-scale 0.5");
+    place.good(&format!("{scaled} -o large.exr"));
+    let large = layers(&place, "large.exr");
+    assert_eq!((large.width, large.height), (32, 24));
+    let depth = large.layers.iter().find(|layer| layer.name == "depth").unwrap();
+    let values = depth.channel("Z").unwrap();
+    assert_eq!(values.len(), 32 * 24);
+    assert!(
+        (0..12).all(|x| values[2 * x] == values[2 * x + 1] && values[2 * x] == values[32 + 2 * x])
+    );
+    let errors = [
+        ("render cornell --denoise svgf -o a.png", "--denoise is about frames in real time"),
+        ("render cornell --antialias -o a.png", "--antialias is about frames in real time"),
+        ("render cornell --integrator hybrid --denoise svg -o a.png", "did you mean 'svgf'?"),
+    ];
+    for (line, message) in errors {
+        let said = place.bad(2, line);
+        assert!(said.contains(message), "{line}: {said}");
+    }
+}

@@ -29,6 +29,9 @@ const LEVELS: u32 = 5;
 /// lights are of all sizes; narrow kernels leave noise that the history averages.
 const LIGHT_SIZE: f32 = 0.2;
 
+/// Differences of luminance that the wavelet transform alone takes for noise, in means of the picture.
+const CONTRAST: f32 = 4.0;
+
 /// White is so many times brighter than the mean of a picture.
 const WHITE: f32 = 4.0;
 
@@ -196,7 +199,10 @@ impl Filters {
         let mut out = [std::mem::take(a), std::mem::take(b)];
         let done = match kind {
             Kind::Wavelet(wavelet) => {
-                let stopping = EdgeStopping::default();
+                // Without a variance the tolerance is absolute.
+                let mean = mean_luminance(direct) + mean_luminance(indirect);
+                let luminance = (CONTRAST * mean).clamp(1e-3, 1e9);
+                let stopping = EdgeStopping { luminance, ..EdgeStopping::default() };
                 wavelet.filter(&guides, [direct, indirect], None, LEVELS, &stopping, &mut out)
             }
             Kind::Svgf(svgf) => {

@@ -1,3 +1,5 @@
+#![allow(clippy::print_stderr, reason = "tests say what they skip")]
+
 use std::path::Path;
 
 use glam::Vec3;
