@@ -30,6 +30,8 @@ pub struct Lights<'a> {
     pub analytic: Option<[&'a Plane3; 2]>,
     /// The share of that which is not blocked.
     pub shadow: &'a Plane,
+    /// Radiance of mirrors and glass.
+    pub transparency: &'a Plane3,
     /// The share of the hemisphere that is open, for ambient light; without it that is part of `indirect`.
     pub ambient_occlusion: Option<&'a Plane>,
 }
@@ -54,7 +56,7 @@ pub fn composite(
                     (row(&signals.diffuse_reflectance), row(&signals.specular_reflectance));
                 let (direct, indirect) = (lights.direct.map(row), lights.indirect.map(row));
                 let shadow = lights.shadow.row(y);
-                let transparency = signals.transparency.channel_row(channel, y);
+                let transparency = lights.transparency.channel_row(channel, y);
                 let emitted = gbuffer.emitted.channel_row(channel, y);
                 let ambient = parameters.ambient[channel];
                 let shown = if parameters.emission { 1.0 } else { 0.0 };

@@ -3,8 +3,8 @@
 //! Filters are those of `rayburst-denoise`; here is which signal goes through which of them.
 
 use rayburst_denoise::{
-    AdaptiveSvgf, EdgeStopping, FireflyFilter, FireflySettings, GradientSettings, Guides,
-    OcclusionFilter, OcclusionSettings, Reprojection, ShadowFilter, ShadowHistory,
+    Accumulation, AdaptiveSvgf, EdgeStopping, FireflyFilter, FireflySettings, GradientSettings,
+    Guides, OcclusionFilter, OcclusionSettings, Reprojection, ShadowFilter, ShadowHistory,
     ShadowHistorySettings, ShadowSettings, SurfaceTests, Surfaces, Svgf, SvgfSettings, TaaSettings,
     Taps, TemporalAntialiasing, TemporalUpscaling, UpscaleSettings, Wavelet,
 };
@@ -24,6 +24,10 @@ use crate::Result;
 
 /// Levels of the wavelet transform.
 const LEVELS: u32 = 5;
+
+/// Least weight of the newest frame in what mirrors and glass show, and levels of its blur.
+const MIRROR_WEIGHT: f32 = 0.2;
+const MIRROR_LEVELS: u32 = 3;
 
 /// Twice the tangent of half the angle of lights whose shadows are filtered, as seen from a surface. Polygon
 /// lights are of all sizes; narrow kernels leave noise that the history averages.
@@ -48,6 +52,7 @@ struct State {
     denoiser: Denoiser,
     firefly: FireflyFilter,
     kind: Kind,
+    mirrors: Mirrors,
     /// Where surfaces were, if the denoiser does not look for them.
     reprojection: Reprojection,
     antialiasing: TemporalAntialiasing,
@@ -61,6 +66,13 @@ struct State {
     scratch: Plane,
     /// Mean luminance of pictures, smoothed over frames.
     brightness: f32,
+}
+
+/// What is seen in mirrors and glass.
+#[derive(Clone, Debug)]
+struct Mirrors {
+    filter: Svgf<1>,
+    filtered: Plane3,
 }
 
 #[derive(Clone, Debug)]
@@ -147,6 +159,7 @@ impl State {
             denoiser,
             firefly: FireflyFilter::new(isa),
             kind: Kind::new(denoiser, isa),
+            mirrors: Mirrors { filter: Svgf::new(isa), filtered: Plane3::default() },
             reprojection: Reprojection::new(),
             antialiasing: TemporalAntialiasing::new(isa),
             upscaling: TemporalUpscaling::new(isa),
@@ -182,13 +195,19 @@ impl Filters {
         if denoiser == Denoiser::None {
             return Ok(signals.lights());
         }
+        let mirrors = denoiser != Denoiser::Atrous && gbuffer.has_mirrors();
+        if mirrors {
+            state.mirrors.run(frame)?;
+        } else {
+            state.mirrors.filter.reset();
+        }
         for planes in state.sums.iter_mut().chain(&mut state.filtered) {
             if planes.size() != size {
                 *planes = Plane3::new(size.0, size.1)?;
             }
         }
         if let Kind::Effects(_) = state.kind {
-            return state.effects(frame);
+            return state.effects(frame, mirrors);
         }
         let guides = frame.guides();
         let State { firefly, kind, sums: [direct, indirect, scratch], filtered, .. } = state;
@@ -222,6 +241,7 @@ impl Filters {
             indirect: [b, b],
             analytic: None,
             shadow: &signals.shadow,
+            transparency: if mirrors { &state.mirrors.filtered } else { &signals.transparency },
             ambient_occlusion: None,
         })
     }
@@ -258,11 +278,31 @@ impl Filters {
     }
 }
 
+impl Mirrors {
+    /// Filters what mirrors and glass show. Histories are short, as images move otherwise than what shows
+    /// them; materials are kept apart instead of objects, so that frames do not darken their panes.
+    fn run(&mut self, frame: &Filtering<'_>) -> Result<()> {
+        let (gbuffer, transparency) = (frame.gbuffer, &frame.signals.transparency);
+        let guides = Guides { object: &gbuffer.material, ..frame.guides() };
+        let accumulation = Accumulation { alpha: MIRROR_WEIGHT, ..Accumulation::default() };
+        let settings =
+            SvgfSettings { accumulation, levels: MIRROR_LEVELS, ..SvgfSettings::default() };
+        let size = gbuffer.size();
+        let mut out = [std::mem::take(&mut self.filtered)];
+        if out[0].size() != size {
+            out[0] = Plane3::new(size.0, size.1)?;
+        }
+        let done = self.filter.filter(&guides, [transparency], &settings, &mut out);
+        [self.filtered] = out;
+        Ok(done?)
+    }
+}
+
 impl State {
     /// A filter for each effect: direct light, bounces and reflections over time and space, guided by how
     /// much they vary; shadows of polygon lights by their penumbrae; ambient occlusion by how near the
     /// occluder is.
-    fn effects<'a>(&'a mut self, frame: &Filtering<'a>) -> Result<Lights<'a>> {
+    fn effects<'a>(&'a mut self, frame: &Filtering<'a>, mirrors: bool) -> Result<Lights<'a>> {
         let Filtering { signals, gbuffer, settings, polygons, reach, .. } = *frame;
         let guides = frame.guides();
         let [direct, bounces, reflections] = &mut self.sums;
@@ -315,6 +355,7 @@ impl State {
             indirect: [bounces, reflections],
             analytic: Some([&signals.analytic_diffuse, &signals.analytic_specular]),
             shadow,
+            transparency: if mirrors { &self.mirrors.filtered } else { &signals.transparency },
             ambient_occlusion: Some(ambient_occlusion),
         })
     }

@@ -188,6 +188,11 @@ impl GBuffer {
         });
     }
 
+    /// Whether any pixel shows a perfect mirror or glass.
+    pub(crate) fn has_mirrors(&self) -> bool {
+        self.kind.values().contains(&(PixelKind::Specular as u32))
+    }
+
     /// What is at a pixel.
     #[inline]
     pub fn kind_at(&self, x: u32, y: u32) -> PixelKind {

@@ -102,6 +102,7 @@ impl Signals {
             indirect: [&self.indirect_diffuse, &self.indirect_specular],
             analytic: Some([&self.analytic_diffuse, &self.analytic_specular]),
             shadow: &self.shadow,
+            transparency: &self.transparency,
             ambient_occlusion: Some(&self.ambient_occlusion),
         }
     }

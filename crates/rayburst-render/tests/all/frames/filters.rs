@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use rayburst_image::RgbImage;
 use rayburst_render::realtime::{
-    Denoiser, FrameMode, FrameRenderer, FrameSettings, History, Passes,
+    Denoiser, FrameMode, FrameRenderer, FrameSettings, History, Passes, PixelKind,
 };
 use rayburst_scene::{Camera, FlatScene};
 
@@ -64,6 +64,36 @@ fn filters_take_the_noise_away_and_keep_the_light() {
                 assert!((light - 1.0).abs().max_element() < 0.06, "{mode:?}, {name}: {light}");
             }
         }
+    }
+}
+
+#[test]
+fn what_mirrors_and_glass_show_is_filtered() {
+    let (scene, camera) = zoo();
+    let plain =
+        FrameSettings { size: (96, 96), jitter: false, max_depth: 5, ..FrameSettings::default() };
+    let mut renderer = FrameRenderer::new(plain).unwrap();
+    let frame = renderer.frame(&scene, &camera, &mut History::new()).unwrap();
+    let gbuffer = frame.gbuffer.clone();
+    let mirrors = |picture: &RgbImage| {
+        let at = |i: u32| gbuffer.kind_at(i % 96, i / 96) == PixelKind::Specular;
+        let pixels: Vec<Vec3> = picture
+            .pixels
+            .iter()
+            .zip(0..)
+            .filter_map(|(pixel, i)| at(i).then_some(*pixel))
+            .collect();
+        RgbImage { width: pixels.len() as u32, height: 1, pixels }
+    };
+    let reference = mirrors(&mean_of_frames(&scene, camera, &plain, 300));
+    assert!(reference.pixels.len() > 100);
+    let error =
+        |settings| relative_error(&mirrors(&last_of(&scene, camera, settings, 16)), &reference);
+    let noisy = error(plain);
+    for denoiser in [Denoiser::Svgf, Denoiser::AdaptiveSvgf, Denoiser::Effects] {
+        let gain = noisy / error(FrameSettings { denoiser, ..plain });
+        eprintln!("{}: error {gain:.1} times lower", denoiser.name());
+        assert!(gain > 3.0, "{}: {gain}", denoiser.name());
     }
 }
 
