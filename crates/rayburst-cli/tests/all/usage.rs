@@ -34,10 +34,11 @@ fn every_verb_has_help_with_an_example() {
 #[test]
 fn options_that_do_not_exist_yet_are_unknown() {
     let place = Place::new();
-    for option in ["--structure bvh8", "--mode auto", "--device gpu", "--denoise none"] {
+    for option in ["--structure bvh8", "--mode auto", "--device gpu"] {
         place.bad(2, &format!("render {option}"));
     }
     place.bad(2, "view");
+    place.bad(2, "denoise in.exr -o out.exr");
 }
 
 #[test]
