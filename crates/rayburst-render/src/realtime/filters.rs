@@ -27,7 +27,7 @@ const LEVELS: u32 = 5;
 
 /// Least weight of the newest frame in what mirrors and glass show, and levels of its blur.
 const MIRROR_WEIGHT: f32 = 0.2;
-const MIRROR_LEVELS: u32 = 3;
+const MIRROR_LEVELS: u32 = 1;
 
 /// Twice the tangent of half the angle of lights whose shadows are filtered, as seen from a surface. Polygon
 /// lights are of all sizes; narrow kernels leave noise that the history averages.
